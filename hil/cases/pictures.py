@@ -5,12 +5,11 @@ from math import isfinite
 from typing import Any
 
 from hil.cases.record import Result, Run
-from hil.common.palette import GOAL, HIDDEN_OBSTACLE, NAVIGATION, OBSTACLE, PATH, TRACK
+from hil.common.palette import GOAL, NAVIGATION, PATH, TRACK
 from hil.plots.plotting import add_legend, pyplot, save_figure
-from hil.plots.run_picture import draw_goal, draw_start
-from hil.scenario.config import load_scenario
-from hil.scenario.world_map import map_at
-from sim.environment.world import World, load_world
+from hil.plots.run_picture import draw_goal, draw_start, draw_world
+from hil.scenario.config import Scenario, load_scenario
+from sim.environment.world import load_world
 
 COLOURS = {"sil": TRACK, "hil": NAVIGATION}
 SPREAD: tuple[tuple[str, Callable[[Result], float]], ...] = (
@@ -26,7 +25,10 @@ def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
     plt = pyplot()
     figure, (field, speed) = plt.subplots(1, 2, figsize=(16, 6.5), width_ratios=(6, 5), layout="constrained")
     figure.suptitle(title)
-    draw_world(field, runs[0].scenario)
+    scenario = load_scenario(runs[0].scenario)
+    world = load_world(scenario.world)
+    draw_world(field, world)
+    field.set(xlim=world.extent[2:], ylim=world.extent[:2], xlabel="east (m)", ylabel="north (m)", aspect="equal")
     for number, run in enumerate(runs):
         for track in run.tracks:
             if number == 0 and track.plan:
@@ -36,40 +38,14 @@ def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
             field.plot(
                 track.east, track.north, color=COLOURS[run.result.mode], linewidth=1.4, label=f"track (true), {name}"
             )
-    _mark(field, runs[0].scenario)
+    _mark(field, scenario)
     field.set(title="from above, at the vehicle's depth")
     add_legend(field)
     draw_speeds(speed, runs)
     save_figure(figure, path)
 
 
-def draw_world(axes: Any, scenario_path: str) -> None:
-    """Draw the obstacles at the vehicle's depth: grey if on the map, brown if not."""
-    scenario = load_scenario(scenario_path)
-    world = load_world(scenario.world)
-    mapped = world._replace(
-        cylinder=tuple(o for o in world.cylinder if not o.hidden), box=tuple(o for o in world.box if not o.hidden)
-    )
-    hidden = world._replace(
-        cylinder=tuple(o for o in world.cylinder if o.hidden), box=tuple(o for o in world.box if o.hidden), terrain=None
-    )
-    _fill(axes, mapped, scenario.master.depth, OBSTACLE, "obstacle")
-    _fill(axes, hidden, scenario.master.depth, HIDDEN_OBSTACLE, "obstacle not on the map")
-    south, north, west, east = world.extent
-    axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", xlim=(west, east), ylim=(south, north))
-
-
-def _fill(axes: Any, world: World, depth: float, colour: str, label: str) -> None:
-    grid = map_at(world, depth, 0.0, 0.1)
-    if grid.cells.any():
-        (south, west), (rows, columns) = grid.origin, grid.cells.shape
-        extent = (west, west + columns * grid.resolution, south, south + rows * grid.resolution)
-        axes.contourf(grid.cells, levels=(0.5, 1.5), colors=[colour], origin="lower", extent=extent)
-        axes.plot([], [], "s", color=colour, label=label)
-
-
-def _mark(axes: Any, scenario_path: str) -> None:
-    scenario = load_scenario(scenario_path)
+def _mark(axes: Any, scenario: Scenario) -> None:
     draw_start(axes, scenario)
     draw_goal(axes, scenario)
     for task in scenario.planner.get("task", ()):

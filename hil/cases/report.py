@@ -7,7 +7,7 @@ from hil.cases import fidelity, table
 from hil.cases.case import Case, find_case
 from hil.cases.pictures import draw_seeds
 from hil.cases.record import Result, Run
-from hil.common.errors import ConfigError
+from hil.common.tables import save_text
 from hil.master.recorder import make_folder
 
 Flights = dict[str, list[Run]]  # by case
@@ -33,11 +33,7 @@ def write_report(path: str, flights: Flights, pictures: str, head: str = "# Case
             draw_seeds(case.title, [run.result for run in runs], seeds)
             files.append(seeds)
             parts.append(f"![The flights of all seeds]({os.path.join(picture_folder, os.path.basename(seeds))})")
-    try:
-        with open(path, "w", encoding="utf-8") as file:
-            file.write("\n\n".join(part.strip("\n") for part in parts) + "\n")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    save_text(path, "\n\n".join(part.strip("\n") for part in parts) + "\n")
     return files
 
 

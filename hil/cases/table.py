@@ -1,7 +1,5 @@
 """The table of a case: rows of simulated runs and of runs with slaves, as text, CSV and JSON."""
 
-import csv
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isfinite
 from statistics import fmean, stdev
@@ -9,7 +7,8 @@ from typing import Any
 
 from hil.cases.record import Result
 from hil.common.columns import aligned
-from hil.common.errors import ConfigError
+from hil.common.tables import csv_text, save_text
+from hil.common.text import json_text, json_value
 
 # Columns of means: heading, value of a flight, decimals. Columns of worst values: heading, value, min or max, format
 _MEAN: tuple[tuple[str, Callable[[Result], float], int], ...] = (
@@ -92,13 +91,7 @@ def write_csv(path: str, results: Sequence[Result]) -> None:
 def write_rows(path: str, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows as CSV; missing values are left empty. Raises ConfigError if the file cannot be written."""
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    try:
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, columns)
-            writer.writeheader()
-            writer.writerows(rows)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    save_text(path, csv_text([columns, *([row.get(key, "") for key in columns] for row in rows)]))
 
 
 def write_json(path: str, results: Sequence[Result]) -> None:
@@ -106,21 +99,11 @@ def write_json(path: str, results: Sequence[Result]) -> None:
 
     Raises ConfigError if the file cannot be written.
     """
-    plain = [{**result._asdict(), "extra": dict(result.extra)} for result in results]
-    try:
-        with open(path, "w", encoding="utf-8") as file:
-            json.dump([{key: _finite(value) for key, value in row.items()} for row in plain], file, indent=2)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    save_text(path, json_text([result._asdict() | {"extra": dict(result.extra)} for result in results], indent=2))
 
 
 def _flat(result: Result) -> dict[str, Any]:
-    row = {key: _finite(value) for key, value in result._asdict().items() if key != "extra"}
-    row["events"] = "; ".join(result.events)
-    return row | {key: _finite(value) for key, value in result.extra.items()}
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    return None if isinstance(value, float) and not isfinite(value) else value
+    row = result._asdict() | dict(result.extra) | {"events": "; ".join(result.events)}
+    del row["extra"]
+    values: dict[str, Any] = json_value(row)
+    return values

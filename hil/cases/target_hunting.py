@@ -3,7 +3,6 @@
 In SIL all vehicles run in one process and in simulated time; in HIL there are four slaves, four agents and an observer.
 """
 
-import csv
 import os
 from collections.abc import Mapping, Sequence
 from math import degrees, nan
@@ -17,6 +16,7 @@ from hil.cases.single import radius_of
 from hil.cases.viewer import Viewer
 from hil.client.delay import quantiles
 from hil.common.ports import free_ports
+from hil.common.tables import csv_text, save_text
 from hil.master.hunt import HuntPlanner
 from hil.scenario.config import Scenario, load_scenario
 from hil.scenario.variant import Table, write_variant
@@ -212,11 +212,9 @@ def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:
 
 def write_rows(path: str, scenario: Scenario, watch: HuntWatch) -> None:
     """Write all rows as CSV: time, and for each vehicle its true position and its clock of the plan (s)."""
-    nodes = [member.node for member in scenario.member]
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        names = ("true_north_m", "true_east_m", "plan_s")
-        writer.writerow(["time_s", *(f"{node}_{name}" for node in nodes for name in names)])
-        for row in watch.rows:
-            figures = [x for (n, e), clock in zip(row.positions, row.clocks, strict=True) for x in (n, e, clock)]
-            writer.writerow([f"{x:.4f}" for x in (row.time, *figures)])
+    names = ("true_north_m", "true_east_m", "plan_s")
+    rows = [["time_s", *(f"{member.node}_{name}" for member in scenario.member for name in names)]]
+    for row in watch.rows:
+        figures = [x for (n, e), clock in zip(row.positions, row.clocks, strict=True) for x in (n, e, clock)]
+        rows.append([f"{x:.4f}" for x in (row.time, *figures)])
+    save_text(path, csv_text(rows))

@@ -206,6 +206,25 @@ def write_cached(path: str, stamp: Any, value: Any) -> None:
         return
 
 
+def save_text(path: str, text: str, remedy: str = "") -> None:
+    """Write a file that a person has asked for. Raises ConfigError with the `remedy`, if any."""
+    try:
+        with open(path, "w", newline="", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}{remedy}") from None
+
+
+def csv_text(rows: Iterable[Iterable[Any]]) -> str:
+    """Return rows as CSV."""
+    import csv
+    import io
+
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    return text.getvalue()
+
+
 def write_atomically(path: str, content: str | bytes, mode: int = 0o666) -> None:
     """Write a file that others read whole or not at all; its folder is made, and a link is replaced by the file.
 

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
+from hil.common.errors import ConfigError
+
 LONGEST = 200  # characters of one name or value from somebody else in a line
 ELLIPSIS = "..."
 
@@ -35,9 +37,15 @@ def json_value(value: Any) -> Any:
 
 
 def toml_text(value: Any, number: Callable[[float], str] = repr) -> str:
-    """Return a value as TOML text, a matrix in rows; `number` converts floats to text."""
+    """Return a value as TOML text, a matrix in rows; `number` converts floats to text.
+
+    Raises ConfigError for a value that TOML cannot express.
+    """
     if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+        plain = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+        return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in plain) + '"'
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{toml_key(key)} = {toml_text(item, number)}" for key, item in value.items()) + "}"
     if isinstance(value, (tuple, list)):
         items = [toml_text(item, number) for item in value]
         if len(items) not in (9, 36) or not isinstance(value[0], float):
@@ -47,7 +55,15 @@ def toml_text(value: Any, number: Callable[[float], str] = repr) -> str:
         return "[\n  " + ",\n  ".join(rows) + ",\n]"
     if isinstance(value, (bool, int)):
         return str(value).lower()
-    return number(float(value))
+    try:
+        return number(float(value))
+    except (TypeError, ValueError):
+        raise ConfigError(f"{value!r} cannot be written as TOML") from None
+
+
+def toml_key(key: str) -> str:
+    """Return a key as TOML text, in quotes if it has to be."""
+    return key if key.isascii() and key.replace("_", "").replace("-", "").isalnum() else toml_text(key)
 
 
 def wrap_command(line: str, width: int) -> list[str]:

@@ -15,7 +15,7 @@ from hil.common import __version__
 from hil.common.children import python_command
 from hil.common.clock import LOOP_PRIORITY
 from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
-from hil.doctor.findings import Case, Finding, Level, User, realtime_remedy, user_prefix
+from hil.doctor.findings import Case, Finding, Level, User, permits, realtime_remedy, user_prefix
 from hil.install.check import assemble
 from hil.links.contract import PWM_NEUTRAL_US
 from hil.scenario.attitude_warning import attitude_warning
@@ -139,9 +139,7 @@ def may_write(folder: str, user: User) -> bool:
     """Return whether `user` may make files in a folder. For another user the folder's mode decides; root always may."""
     if user.uid in (0, os.getuid()):
         return os.access(folder, os.W_OK | os.X_OK)
-    status = os.stat(folder)
-    shift = 6 if status.st_uid == user.uid else 3 if status.st_gid in user.groups else 0
-    return status.st_mode >> shift & 3 == 3
+    return permits(os.stat(folder), user, 3)
 
 
 def _plan_path(scenario: Scenario) -> None:

@@ -1,12 +1,11 @@
 """Log state, thrusts and every force of a simulated vehicle, as a table and a picture."""
 
-import csv
 from collections.abc import Callable
 from typing import Any
 
 from hil.common.clock import NS_PER_S
-from hil.common.errors import ConfigError
 from hil.common.palette import GRID, START, TRACK
+from hil.common.tables import csv_text, save_text
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from sim.dynamics import Forces
 from sim.rotations import to_euler
@@ -53,13 +52,7 @@ class Flight:
 
     def write(self, path: str) -> None:
         """Write the table as CSV, with names and units in the first line. Raises ConfigError."""
-        try:
-            with open(path, "w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file)
-                writer.writerow(self.columns)
-                writer.writerows([f"{x:.9g}" for x in row] for row in self.rows)
-        except OSError as error:
-            raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+        save_text(path, csv_text([self.columns, *([f"{x:.9g}" for x in row] for row in self.rows)]))
 
     def draw(self, path: str, on_track: Callable[[Any], None] = lambda axes: None) -> None:
         """Draw track, depth, attitude, speeds, thrusts, and the forces of each kind.

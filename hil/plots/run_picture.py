@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import degrees
 from typing import Any
 
-from hil.common.palette import COMMANDED, EVENT, GOAL, OBSTACLE, PATH, START, TRACK, WATER
+from hil.common.palette import COMMANDED, EVENT, GOAL, HIDDEN_OBSTACLE, OBSTACLE, PATH, START, TRACK, WATER
 from hil.master.flight import Plan
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.scenario.config import Scenario
@@ -91,7 +91,10 @@ def draw_depths(axes: Any, scenario: Scenario) -> None:
 
 
 def draw_world(axes: Any, world: World) -> None:
-    """Draw the obstacles from above, in their true size and position, and the walls if there are any."""
+    """Draw the obstacles from above, in their true size and position, and the walls if there are any.
+
+    Upright ones that are not on the map have another colour.
+    """
     import numpy as np
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Rectangle
@@ -104,9 +107,12 @@ def draw_world(axes: Any, world: World) -> None:
     for pipeline in world.pipeline:
         norths, easts = zip(*pipeline.points, strict=True)
         axes.plot(easts, norths, color=OBSTACLE, linewidth=1.0, zorder=1)
-    for number, obstacle in enumerate(outlines(world.cylinder, world.box)):
-        obstacle.set(color=OBSTACLE, zorder=1, label="" if number else "obstacle")
-        axes.add_patch(obstacle)
+    for is_hidden, colour, label in ((False, OBSTACLE, "obstacle"), (True, HIDDEN_OBSTACLE, "obstacle not on the map")):
+        cylinders = [each for each in world.cylinder if each.hidden is is_hidden]
+        boxes = [each for each in world.box if each.hidden is is_hidden]
+        for number, obstacle in enumerate(outlines(cylinders, boxes)):
+            obstacle.set(color=colour, zorder=1, label="" if number else label)
+            axes.add_patch(obstacle)
 
 
 def outlines(cylinders: Sequence[Cylinder], boxes: Sequence[Box]) -> list[Any]:

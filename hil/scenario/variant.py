@@ -2,12 +2,14 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from typing import Any
 
 from hil.common.errors import ConfigError
 from hil.common.schema import find_preset
-from hil.common.tables import read_table
+from hil.common.tables import read_table, save_text
+from hil.common.text import toml_key, toml_text
 from hil.scenario.config import SCENARIOS, load_scenario
 
 Table = dict[str, Any]
@@ -73,20 +75,17 @@ def _write_world(name: str, folder: str, more: Mapping[str, Sequence[Table]]) ->
 
 def write_toml(path: str, table: Table) -> None:
     """Write a table as TOML. Raises ConfigError if the file cannot be written, or a value has no form in TOML."""
-    try:
+    with suppress(OSError):  # then the file cannot be written either
         os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
-        with open(path, "w", encoding="utf-8") as file:
-            file.writelines(f"{line}\n" for line in _lines(table, ""))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+    save_text(path, "".join(f"{line}\n" for line in _lines(table, "")))
 
 
 def _lines(table: Table, section: str) -> Iterator[str]:
     """Yield the lines of a table, plain values first, because lines after the header of a section belong to it."""
     sections = {key: value for key, value in table.items() if _is_section(value)}
-    yield from (f"{_key(key)} = {_text(value)}" for key, value in table.items() if key not in sections)
+    yield from (f"{toml_key(key)} = {toml_text(value)}" for key, value in table.items() if key not in sections)
     for key, value in sections.items():
-        name = f"{section}.{_key(key)}" if section else _key(key)
+        name = f"{section}.{toml_key(key)}" if section else toml_key(key)
         for item in value if isinstance(value, list) else [value]:
             yield from ("", f"[[{name}]]" if isinstance(value, list) else f"[{name}]", *_lines(item, name))
 
@@ -94,27 +93,3 @@ def _lines(table: Table, section: str) -> Iterator[str]:
 def _is_section(value: Any) -> bool:
     rows = isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
     return isinstance(value, dict) or rows
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + "".join(map(_escaped, value)) + '"'
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_text, value))}]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{_key(key)} = {_text(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    raise ConfigError(f"{value!r} cannot be written as TOML")
-
-
-def _escaped(character: str) -> str:
-    plain = character not in '"\\' and character.isprintable()
-    return character if plain or ord(character) > 127 else f"\\u{ord(character):04X}"
-
-
-def _key(key: str) -> str:
-    bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else _text(key)

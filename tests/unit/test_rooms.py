@@ -38,7 +38,7 @@ def test_rooms_of_one_floor_do_not_import_each_other_mutually() -> None:
 
 
 def test_there_are_no_circular_imports() -> None:
-    assert rooms.import_cycles() == []
+    assert rooms.import_cycle() == []
 
 
 def test_every_room_has_a_docstring_with_purpose_and_interface() -> None:

@@ -8,6 +8,7 @@ import ast
 import re
 from collections.abc import Iterator
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -127,21 +128,10 @@ def arrows() -> set[tuple[str, str]]:
     return {(one, other) for one, other in pairs if one != other}
 
 
-def import_cycles() -> list[list[str]]:
-    """Return the import cycles, each as a sorted list of modules. Tools and tests are included."""
-    edges = graph((*PACKAGES, "tools", "tests"))
-    reached = {module: _reached(module, edges) for module in edges}
-    components = {
-        tuple(sorted({module} | {other for other in reached[module] if module in reached[other]})) for module in edges
-    }
-    return sorted(list(members) for members in components if len(members) > 1)
-
-
-def _reached(start: str, edges: dict[str, set[str]]) -> set[str]:
-    reached: set[str] = set()
-    waiting = [start]
-    while waiting:
-        new = edges[waiting.pop()] - reached
-        reached |= new
-        waiting.extend(new)
-    return reached
+def import_cycle() -> list[str]:
+    """Return the modules of an import cycle, [] if there is none. Tools and tests are included."""
+    try:
+        TopologicalSorter(graph((*PACKAGES, "tools", "tests"))).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []

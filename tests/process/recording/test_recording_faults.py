@@ -94,7 +94,7 @@ def test_a_kill_loses_at_most_the_last_second(tmp_path: Path) -> None:
         assert [r.sequence for r in StreamReader(stream).records if isinstance(r, McapMessage)] == sequences
     assert len(by_rosbags(path)) == len(sequences), "others' reader, of the file"
     assert len(by_rosbags(folder)) == len(sequences), "and of the folder, whose index was there from the beginning"
-    indexed = int((folder / "metadata.yaml").read_text().partition("\n  message_count: ")[2].split("\n")[0])
+    indexed = json.loads((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]["message_count"]
     assert len(sequences) / 2 < indexed <= len(sequences), "as of some seconds before, here of the flush before"
 
 
