@@ -171,7 +171,7 @@ def _report(
     scenario: Scenario, plan: Plan, outcome: Outcome, result: table.HilTable, folder: str, progress: Progress
 ) -> None:
     progress.print_line(f"{outcome.verdict} after {outcome.duration:.1f} s: {outcome.summary}")
-    progress.print_line("\n" + table.render(result) + "\n")
+    progress.print_line("\n" + table.render(result, plan.world.name) + "\n")
     try:
         with open(os.path.join(folder, "table.json"), "w", encoding="utf-8") as file:
             json.dump(table.to_json(result, outcome), file, indent=2)

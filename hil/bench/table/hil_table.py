@@ -37,6 +37,7 @@ PAPER_BOARDS = (
     PaperBoard("Jetson Nano", "jetson_nano", 0.42, 3.2, 0.37, 2.0),
     PaperBoard("Raspberry Pi 4B", "raspberry_pi_4b", 0.42, 3.6, 0.59, 1.9),
 )
+PAPER_WORLDS = ("paper_field", "paper_hunt")
 PAPER_NOTE = (
     "2022: the boards of Zhang et al., table 1, over a wlan; only a run on such a board may be compared with them"
 )
@@ -146,36 +147,38 @@ def _startup_s(client: VehicleClient, health: Diagnostics, offset_ns: int, notes
     return (first_ns - exec_wall_ns + offset_ns) / 1e9
 
 
-def render(table: HilTable) -> str:
-    """Return the table as text for a terminal."""
+def render(table: HilTable, world: str) -> str:
+    """Return the table as text for a terminal, beside the paper's where the `world` is one of its fields."""
+    boards = PAPER_BOARDS if world in PAPER_WORLDS else ()
     ram = min(table.slave_ram_mib, PAPER_BOARD_MIB)
     memory = table.slave_rss_mib / ram  # alone on a machine it shares memory with no other slave
     delay = table.delay
     rows = [
-        ("", *(f"{board.title}, 2022" for board in PAPER_BOARDS), "this run"),
+        ("", *(f"{board.title}, 2022" for board in boards), "this run"),
         (
             "master CPU",
-            *(f"{board.master_cpu:.0%}" for board in PAPER_BOARDS),
+            *(f"{board.master_cpu:.0%}" for board in boards),
             f"{table.master_cpu_core:.1%} of a core, {table.master_cpu_machine:.1%} of the machine",
         ),
         (
             "start-up",
-            *(f"{board.startup_s:.1f} s" for board in PAPER_BOARDS),
+            *(f"{board.startup_s:.1f} s" for board in boards),
             f"{_format(table.startup_s, '{:.3f} s')} to the first sample ({table.slave_ready_s:.3f} s to ready)",
         ),
         (
             "slave memory",
-            *(f"{board.memory:.0%}" for board in PAPER_BOARDS),
+            *(f"{board.memory:.0%}" for board in boards),
             f"{table.slave_rss_mib:.1f} MiB, {memory:.2%} of {ram / 1024:.0f} GiB ({table.slave_pss_mib:.1f} MiB PSS)",
         ),
         (
             "command delay",
-            *(f"{board.delay_s:.1f} s" for board in PAPER_BOARDS),
+            *(f"{board.delay_s:.1f} s" for board in boards),
             f"p50 {_format(delay.p50_ms)}, p99 {_format(delay.p99_ms)}, max {_format(delay.max_ms, '{:.1f} ms')}",
         ),
-        ("slave CPU", *("-" for _ in PAPER_BOARDS), _share(table)),
+        ("slave CPU", *("-" for _ in boards), _share(table)),
     ]
-    return "\n".join([*aligned(rows, rule=True), "", PAPER_NOTE, "", *_details(table)])
+    note = [PAPER_NOTE, ""] if boards else []
+    return "\n".join([*aligned(rows, rule=True), "", *note, *_details(table)])
 
 
 def _share(table: HilTable) -> str:

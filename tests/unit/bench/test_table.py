@@ -63,7 +63,7 @@ def test_the_table_computes_its_figures() -> None:
 
 
 def test_the_table_is_rendered_as_text() -> None:
-    text = table.render(build())
+    text = table.render(build(), "paper_field")
     joined_text = " ".join(text.split())  # cells are broken into lines where the terminal is narrow
     for expected in (
         "2.0% of a core",
@@ -76,6 +76,9 @@ def test_the_table_is_rendered_as_text() -> None:
     ):
         assert expected in joined_text
     assert not re.search(r"\d x|better", text), "loopback here, a wlan there: no ratio"
+    elsewhere = table.render(build(), "harbour")
+    assert "p50 0.40 ms" in elsewhere
+    assert "2022" not in elsewhere
     lines = [line for line in text.split("\n\n")[0].splitlines()[2:] if line[:13].strip()]
     rows = {line[:13].strip(): re.split("  +", line)[1:3] for line in lines[:4]}
     assert rows == {
@@ -84,7 +87,7 @@ def test_the_table_is_rendered_as_text() -> None:
         "slave memory": ["37%", "59%"],
         "command delay": ["2.0 s", "1.9 s"],
     }
-    assert "NO (python -m compileall)" in table.render(build(bytecode_compiled=False))
+    assert "NO (python -m compileall)" in table.render(build(bytecode_compiled=False), "harbour")
 
 
 @pytest.mark.parametrize(
@@ -100,7 +103,7 @@ def test_the_table_is_rendered_as_text() -> None:
 )
 def test_the_delay_that_a_uart_would_add_is_stated_where_there_is_none(health: dict[str, Any], added: str) -> None:
     """The measured delays already contain it on a wire that has, or is limited to, the speed of a UART."""
-    text = table.render(build(**health))
+    text = table.render(build(**health), "harbour")
     assert ("would add" in text) == bool(added)
     assert added in text
 
@@ -108,7 +111,7 @@ def test_the_delay_that_a_uart_would_add_is_stated_where_there_is_none(health: d
 def test_figures_that_were_not_measured_are_dashes() -> None:
     before = build(opened_ns=2_000_000_000)
     nothing = quantiles([])
-    text = table.render(before._replace(delay=nothing, hops=dict.fromkeys(before.hops, nothing)))
+    text = table.render(before._replace(delay=nothing, hops=dict.fromkeys(before.hops, nothing)), "paper_field")
     assert "nan" not in text
     assert "p50 -, p99 -, max -" in text
     assert re.search(r"start-up +3\.2 s +3\.6 s +- to the first sample", text)
@@ -127,7 +130,7 @@ def test_a_slave_that_was_started_again_has_no_share_of_a_core() -> None:
     assert math.isnan(result.slave_cpu_core)
     assert "restarted" in result.notes[0]
     assert result.startup_s == 0.03, "memory of the slave that runs now"
-    assert "nan" not in table.render(result)
+    assert "nan" not in table.render(result, "harbour")
 
 
 def test_run_events_are_in_the_table() -> None:
@@ -136,7 +139,7 @@ def test_run_events_are_in_the_table() -> None:
     outcome = OUTCOME._replace(events=(hit,))
     result = table.build(client, outcome, table.CpuMark(1.0, 1.0, 1_000_000_000))  # type: ignore[arg-type]
     line = "collision with the pile at (6.5, 7.5) 9.3 s after the start, for 10.2 s, at N 6.4 E 5.7 depth 2.0 m"
-    assert f"EVENT: {line}" in table.render(result).splitlines()
+    assert f"EVENT: {line}" in table.render(result, "harbour").splitlines()
     assert table.to_json(result, outcome)["table"]["events"] == [f"EVENT: {line}"]
     assert not table.to_json(result, outcome)["outcome"]["success"]
 
