@@ -10,6 +10,7 @@ from tests.support.followed import follow
 TYPED = {
     "docs/tutorials/first_flight.md": 1,
     "docs/tutorials/own_scenario.md": 5,
+    "docs/tutorials/zero_to_dive.md": 3,
     "docs/tutorials/own_vehicle.md": 7,
     "docs/tutorials/own_planner.md": 4,
     "docs/tutorials/own_sensor.md": 5,
