@@ -47,10 +47,6 @@ def test_every_data_file_is_in_the_wheel(wheel: list[str], folder: str) -> None:
     assert set(files) <= set(wheel)
 
 
-def test_the_packages_have_type_markers(wheel: list[str]) -> None:
-    assert {f"{package}/py.typed" for package in ("hil", "sim", "boards", "firmware_stub")} <= set(wheel)
-
-
 def test_the_description_for_an_index_has_only_absolute_links(archive: zipfile.ZipFile) -> None:
     (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
     metadata = message_from_bytes(archive.read(name))

@@ -169,14 +169,6 @@ def test_a_malformed_packet_is_counted(tmp_path: Path) -> None:
         peer.close()
 
 
-def test_a_port_in_use_is_named_in_the_error(tmp_path: Path) -> None:
-    with bench(tmp_path) as b:
-        path = tmp_path / "second.toml"
-        path.write_text(SCENARIO.format(port=b.port, autopilot="", sensors=""))
-        with pytest.raises(DeviceError, match=f"{b.port}: cannot listen for ArduPilot: .*the other simulator"):
-            AutopilotRun(load_scenario(str(path)), print)
-
-
 def test_without_lockstep_packets_are_answered_at_once_with_the_newest_state(tmp_path: Path) -> None:
     """The simulation goes by the clock without lockstep: its time does not depend on how often it gets outputs."""
     with bench(tmp_path, autopilot="lockstep = false") as b:
@@ -191,13 +183,6 @@ def test_without_lockstep_packets_are_answered_at_once_with_the_newest_state(tmp
         assert b.run.pwm_us == (1500,) * 6
         assert b.run.motors.silences == 1
         peer.close()
-
-
-def test_a_missing_autopilot_program_is_refused(tmp_path: Path) -> None:
-    from hil.common.errors import ConfigError
-
-    with pytest.raises(ConfigError, match="program: /nowhere/ardusub: not a program"):
-        Bench(tmp_path, autopilot=f'program = "/nowhere/ardusub"\nfolder = "{tmp_path}/files"')
 
 
 def test_an_autopilot_program_that_ends_is_reported_with_its_last_output(tmp_path: Path) -> None:

@@ -237,11 +237,6 @@ def test_a_sensor_time_that_goes_back_is_reported_once(tmp_path: Path) -> None:
         peer.close()
 
 
-def test_a_port_in_use_is_named_in_the_error(tmp_path: Path) -> None:
-    with bench(tmp_path) as b, pytest.raises(DeviceError, match=f"{b.port}: cannot listen"):
-        Bench(tmp_path, f'address = "tcp://127.0.0.1:{b.port}"')
-
-
 class Board:
     """A board on a pty: sends its heartbeat, or given noise."""
 

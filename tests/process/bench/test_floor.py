@@ -12,10 +12,8 @@ import pytest
 
 from hil.bench.floors.network import GIVE_UP, Floor, Load, RoundTrips, wait_ns
 from hil.bench.harness import Process, program
-from hil.cli import main
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
-from tests.support.processes import free_port
 
 
 def deadline_in(seconds: float = 60.0) -> int:
@@ -40,20 +38,6 @@ def test_round_trips_to_an_echo_in_another_process_are_measured_under_load(tmp_p
             assert (floor.udp.lost, floor.tcp.lost, load.late) == (0, 0, 0)
             assert 1_000 < min(floor.udp.taken_ns + floor.tcp.taken_ns) < 500_000_000
         assert echo.stop() == 0
-
-
-@pytest.mark.parametrize(
-    ("host", "udp", "tcp"), [("127.0.0.1", 0, 0), ("no.such.host.invalid", 1, 2), ("127.0.0.1", 99_999, 99_999)]
-)
-def test_a_missing_echo_is_reported_with_the_command_to_start_it(host: str, udp: int, tcp: int) -> None:
-    port = tcp or free_port()
-    with pytest.raises(NetworkError, match=rf"no echo at {host}:{port}: .*uuv-hil bench echo"):
-        Floor(host, udp or port, port, 85)
-
-
-def test_the_echo_cannot_listen_on_an_address_of_another_machine(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "echo", "--listen", "192.0.2.1"]) == 4
-    assert "cannot listen on 192.0.2.1" in capsys.readouterr().err
 
 
 def test_the_echo_survives_clients_that_reset_or_do_not_read(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """The benchmark harness: changed scenarios, resource limits, processes, and that nothing is left behind."""
 
 import os
-from argparse import ArgumentTypeError
 from pathlib import Path
 
 import pytest
@@ -25,41 +24,6 @@ def test_resource_limits_are_parsed() -> None:
     assert Limits((0,), 0.25, 512.0).label == "limited: processor 0 only, 25% of a core, 512 MiB"
     assert Limits(cpu_share=0.125).label == "limited: 12.5% of a core"
     assert Limits().label == ""
-
-
-@pytest.mark.parametrize("text", ["", "a", "1-", "-1", "3-1", "3000000000"])
-def test_an_invalid_list_of_processors_is_refused(text: str) -> None:
-    with pytest.raises(ConfigError, match="expected numbers of processors"):
-        parse_cpus(text)
-
-
-@pytest.mark.parametrize("text", ["", "512", "much", "1M", "5K", "nanM", "infM", "1e300G"])
-def test_an_invalid_memory_limit_is_refused(text: str) -> None:
-    with pytest.raises(ConfigError, match="expected at least 16M"):
-        parse_memory(text)
-
-
-@pytest.mark.parametrize("text", ["", "%", "0", "-5%", "nan"])
-def test_an_invalid_processor_share_is_refused(text: str) -> None:
-    with pytest.raises(ArgumentTypeError, match="expected a share"):
-        CPU_SHARE(text)
-
-
-def test_a_missing_processor_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no processor 4000 here"):
-        Confinement(Limits(cpus=(4000,)))
-    with pytest.raises(ConfigError, match=r"no processor \d+ here; there are: "):
-        Confinement(Limits(cpus=parse_cpus("0-3000000000")))
-
-
-@pytest.mark.parametrize("file", ["cgroup.controllers", "cpu/cgroup.procs"])  # of version 2, of version 1
-def test_a_kernel_without_the_memory_controller_is_reported_with_the_boot_option(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str
-) -> None:
-    recorded.plant(tmp_path, file, "cpuset cpu io pids\n")
-    monkeypatch.setattr("hil.bench.limits.ROOT", str(tmp_path))
-    with pytest.raises(ConfigError, match=r"^--memory: no memory controller .* cgroup_enable=memory .*cmdline.txt"):
-        Confinement(Limits(cpu_share=0.25, memory_mib=64.0)).__enter__()
 
 
 # What a systemd-run does in place of the program that looks for the group's files.
@@ -149,25 +113,6 @@ def test_a_slave_starts_and_stops_without_leftovers() -> None:
     assert not slave.running
     assert slave.stop() == 0
     assert not os.path.exists(folder)
-
-
-def test_a_slave_that_cannot_start_is_reported_with_the_reason() -> None:
-    with Bench("paper_field", {"stm32": "device", "link.port": "/dev/ttyNONE"}) as bench:
-        slave = bench.start_slave()
-        with (
-            bench.client() as client,
-            pytest.raises(NetworkError, match=r"the slave ended with exit code \d.*/dev/ttyNONE"),
-        ):
-            await_vehicle(client, slave)
-
-
-def test_emulation_and_virtual_machines_are_labelled_in_the_machine_description(tmp_path: Path) -> None:
-    recorded.plant(tmp_path, "proc/cpuinfo", "model name : Some CPU\nflags : fpu hypervisor\nhost : User Mode Linux\n")
-    plant_first_process(tmp_path, 0x3E if os.uname().machine != "x86_64" else 0xB7)
-    machine, labels = describe(str(tmp_path))
-    assert machine["cpu"] == "Some CPU"
-    assert [label.partition(":")[0] for label in labels] == ["emulated", "emulated", "virtual machine"]
-    assert labels[0].startswith(f"emulated: {os.uname().machine} on ")
 
 
 def plant_first_process(root: Path, machine: int) -> None:

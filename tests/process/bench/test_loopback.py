@@ -133,22 +133,3 @@ def test_a_device_is_armed_only_on_request(tmp_path: Any, capsys: pytest.Capture
     (last,) = [line for line in stm32.output.splitlines() if line.startswith("stopped:")]
     assert "pwm 1500 1500 1500 1500 1500 1500" in last
     assert int(last.split()[1]) >= 5  # commands it took, and all of them were disarmed
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
-        (("--fault", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
-        (("--faults", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
-        (("--fault", "drop"), 2, "--fault 'drop' is not NAME=VALUE"),
-        (("--max-p99", "5"), 2, "with its unit, found '5'"),
-        (("--protocol", "vesc"), 2, "needs a CAN bus"),
-        (("--stm32", "device"), 2, "no device"),
-        (("--port", "/dev/ttyNOWHERE", "--stm32", "jumper"), 3, "no such device"),
-    ],
-)
-def test_wrong_arguments_are_refused_with_the_remedy(
-    arguments: tuple[str, ...], code: int, message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["link", "loopback", "--seconds", "0.1", *arguments]) == code
-    assert message in capsys.readouterr().err

@@ -203,10 +203,3 @@ def test_wrong_arguments_are_refused_before_any_output_turns(
     monkeypatch.setattr(sys, "stdin", io.StringIO())
     assert main(["stm32", "check", *arguments]) == 2
     assert refusal in capsys.readouterr().err
-
-
-def test_a_wrong_number_of_outputs_is_reported_and_nothing_turns(
-    emulated_stm32: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["stm32", "check", *QUICK, "--port", emulated_stm32[0]]) == 3
-    assert "check --channels, --baud, --protocol and --frame; nothing was turned" in capsys.readouterr().err

@@ -159,13 +159,6 @@ def test_wrong_arguments_are_reported(vehicle: Vehicle, wrong_call: Callable[[Ve
     assert not vehicle.client.has_commanded
 
 
-def test_a_missing_sensor_is_reported_with_those_that_exist(vehicle: Vehicle) -> None:
-    with pytest.raises(NetworkError, match=r"no 'gps'.*it sends .*imu.*\[sensors"):
-        _ = vehicle.gps
-    with pytest.raises(NetworkError, match="no 'gps'"):
-        next(vehicle.samples("gps", timeout=0.2))
-
-
 def test_camera_topics_have_the_name_of_their_encoding(tmp_path: Path) -> None:
     """Pictures are JPEG unless the scenario says otherwise; an error names the kind that there is."""
     with (
@@ -199,14 +192,6 @@ def test_a_missing_slave_is_reported_with_the_remedy() -> None:
         hil.connect("127.0.0.1:a port")
     with pytest.raises(NetworkError, match="to whom"):
         hil.connect()
-
-
-def test_a_wrong_vehicle_name_is_reported_with_those_that_exist(endpoint: str) -> None:
-    with (
-        hil.connect(endpoint, wait=0.3) as fleet,
-        pytest.raises(NetworkError, match="there are: uuv1; did you mean 'uuv1'"),
-    ):
-        fleet["uuv2"]
 
 
 def test_a_router_is_distinguished_from_a_slave(tmp_path: Path) -> None:

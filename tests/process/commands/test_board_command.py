@@ -11,27 +11,12 @@ import pytest
 
 from hil import cli
 from hil.common.clock import LOOP_PRIORITY
-from hil.install import units as board_install
 from hil.install.changes import MANIFEST
 from hil.install.units import CAN_UNIT, LIMITS, RULES, UNIT
 from tests.support.boards.installed_service import CAN, KNOWN, SERIAL, files, install, root, scenario, settings
 from tests.support.boards.recorded import plant
 
 __all__ = ["root", "scenario"]  # the fixtures
-
-
-def test_the_state_of_a_board_is_shown(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["board", "--root", str(root)]) == 0
-    text = capsys.readouterr().out
-    assert text.startswith('Raspberry Pi 4 Model B (model "Raspberry Pi 4 Model B Rev 1.5")\n')
-    assert re.search(r"memory +sold with 1, 2, 4, 8 GiB; 3\.70 GiB installed\n", text)
-    assert re.search(r"temperature +51\.1 °C, throttles from 80 °C\n", text)
-    assert re.search(r"throttled +no\n", text)
-    assert re.search(r"system +Raspberry Pi OS 12", text)
-    assert re.search(r"governor +performance \(4 processors\)\n", text)
-    assert "/dev/serial0 (/dev/ttyS0): GPIO 14 and 15" in text
-    assert "/dev/ttyAMA2 (not present): GPIO 0 and 1 (uart2)" in text
-    assert "can0 (not present): MCP2515" in text
 
 
 def test_the_state_of_a_board_as_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,18 +29,6 @@ def test_the_state_of_a_board_as_json(root: Path, capsys: pytest.CaptureFixture[
     assert reported["profile"]["recommended"]["step"] == 0.0025
     assert reported["profile"]["serial"][0]["device"] == "/dev/serial0"
     assert reported["throttling"] == {"now": [], "before": [], "known": True}
-
-
-@pytest.mark.parametrize("order", ["{more} install {file}", "install {more} {file}", "install {file} {more}"])
-def test_options_may_stand_before_and_after_the_action(
-    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], order: str
-) -> None:
-    arguments = order.format(file=scenario, more=f"--dry-run --user uuv --root {root}").split()
-    assert cli.main(["board", *arguments]) == 0
-    assert f"+++ {UNIT}" in capsys.readouterr().out
-    with pytest.raises(SystemExit, match="0"):
-        cli.main(["board", *arguments, "--help"])
-    assert "[{show,list,install,uninstall,services,stop,restart}]\n" in capsys.readouterr().out
 
 
 def test_a_dry_run_shows_every_line_and_writes_none(
@@ -124,19 +97,6 @@ def test_a_file_that_was_changed_after_installation_is_left(
     (root / RULES[1:]).unlink()
     assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
     assert capsys.readouterr().out.endswith("\nuninstalled\n")
-    assert files(root) == before
-
-
-def test_a_file_that_was_restored_by_hand_is_not_reported_as_changed(
-    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The same holds where an installation ended before it came to a file."""
-    plant(root, RULES[1:], "# from before\n")
-    before = files(root)
-    assert install(root, scenario, "--yes") == 0
-    plant(root, RULES[1:], "# from before\n")
-    assert cli.main(["board", "uninstall", "--root", str(root), "--yes"]) == 0
-    assert "it stays" not in capsys.readouterr().out
     assert files(root) == before
 
 
@@ -231,14 +191,6 @@ def test_the_can_unit_configures_the_interface(root: Path, scenario: str) -> Non
     Path(scenario).write_text(CAN + "\n[slave]\nstay_awake = false\n")
     assert install(root, scenario, "--yes") == 0
     assert "DeviceAllow" not in (root / UNIT[1:]).read_text()
-
-
-@pytest.mark.parametrize(
-    ("text", "escaped"),
-    [("plain", "plain"), ("/a b", '"/a b"'), ("50%", "50%%"), ("$HOME", "$HOME"), ('a"', '"a\\""'), ("a;b", '"a;b"')],
-)
-def test_words_are_escaped_for_a_unit(text: str, escaped: str) -> None:
-    assert board_install.escape_word(text) == escaped
 
 
 def test_names_cannot_inject_lines_into_a_unit(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,8 +12,6 @@ import pytest
 
 from hil import cli
 from hil.common.tables import parse_toml
-from hil.recording.recorder import Recorder
-from hil.scenario.records import Recording
 from tests.support.processes import ROOT, Program, free_port
 
 # Read by Python as it starts: the packages it names are not to be found.
@@ -42,10 +40,6 @@ def run_without(tmp_path: Path, packages: str, *arguments: object) -> str:
     [
         ["demo", "--listen", f"tcp/127.0.0.1:{free_port()}"],
         ["sim", "paper_field", "--fast"],
-        ["master", "paper_field", "--connect", "tcp/127.0.0.1:1"],
-        ["campaign", "paper_field"],
-        ["case", "path_planning"],
-        ["fleet", "agent", "target_hunting"],
         ["bench", "table"],
     ],
 )
@@ -53,14 +47,6 @@ def test_commands_without_numpy_name_the_extra(tmp_path: Path, arguments: list[s
     line = run_without(tmp_path, "numpy joblib matplotlib xacro", *arguments)
     assert line.startswith("uuv-hil ")  # for the demo it is its master that says so
     assert line.endswith("pip install 'uuv-hil[master]'")
-
-
-@pytest.mark.parametrize("arguments", [["recording", "plot"], ["recording", "replay", "--check"]])
-def test_commands_on_recordings_without_mcap_name_the_extra(tmp_path: Path, arguments: list[str]) -> None:
-    folder = tmp_path / "recording"
-    Recorder(str(folder), Recording(keep_free=0.0), {}).close()
-    line = run_without(tmp_path, "mcap", *arguments, folder)
-    assert line.endswith("pip install 'uuv-hil[recording]'")
 
 
 def extras() -> dict[str, set[str]]:
@@ -105,12 +91,3 @@ def test_a_full_disk_is_one_line(
     assert cli.main(["master"]) == code
     output = capsys.readouterr().err
     assert output == (f"uuv-hil master: run/table.json: {os.strerror(number)}; free some space\n" if code == 3 else "")
-
-
-def test_another_file_error_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(arguments: list[str]) -> int:
-        raise IsADirectoryError(errno.EISDIR, "no")
-
-    monkeypatch.setattr(cli, "import_module", lambda module: SimpleNamespace(main=fail))
-    with pytest.raises(IsADirectoryError):
-        cli.main(["master"])

@@ -33,20 +33,6 @@ def test_a_port_in_use_is_refused(address: str, next_one: int, host: str) -> Non
     require_free(endpoint)
 
 
-def test_with_a_router_only_one_port_must_be_free() -> None:
-    port = free_port()
-    with occupied_port("127.0.0.1", port + 1):
-        require_free(f"tcp/127.0.0.1:{port}", routed=True)
-        with pytest.raises(NetworkError, match=f"port {port + 1}: Address already in use"):
-            require_free(f"tcp/127.0.0.1:{port}")
-
-
-@pytest.mark.parametrize("host", ["192.0.2.7", "no.such.machine.invalid"])
-def test_an_endpoint_on_another_machine_is_refused(host: str) -> None:
-    with pytest.raises(NetworkError, match="must not command"):
-        require_free(f"tcp/{host}:7447")
-
-
 def test_closed_connections_of_the_last_demo_do_not_occupy_the_port() -> None:
     port = free_port()
     with socket.create_server(("127.0.0.1", port)) as server, socket.create_connection(("127.0.0.1", port)) as client:

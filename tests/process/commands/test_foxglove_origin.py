@@ -9,7 +9,6 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
-from hil.common.errors import NetworkError
 from hil.gateways.foxglove.server import FoxgloveServer
 from hil.gateways.websocket_server import MAX_CLIENTS
 from hil.recording.mcap_file import Message
@@ -47,11 +46,6 @@ def test_a_web_page_needs_the_token_even_to_read(server: FoxgloveServer) -> None
     server.show([IMU])
     with opened(server, f"?token={server.access.token}", origin=PAGE) as socket:
         assert [channel["topic"] for channel in messages(socket, "advertise")[-1]["channels"]] == [IMU.topic]
-
-
-def test_a_port_in_use_is_reported_with_the_option(server: FoxgloveServer) -> None:
-    with pytest.raises(NetworkError, match="--listen"):
-        FoxgloveServer("127.0.0.1", server.port)
 
 
 def test_a_client_without_token_can_only_read(server: FoxgloveServer) -> None:

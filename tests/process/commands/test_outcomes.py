@@ -9,7 +9,6 @@ import pytest
 
 from hil.commands import campaign
 from hil.common.errors import ConfigError
-from hil.common.streams import ProgressLine
 from tests.support.processes import Program, write_scenario
 
 
@@ -52,13 +51,6 @@ def test_sim_writes_its_flight_whatever_signal_ends_it(number: int, into_wall: P
         assert sim.wait() == 130, sim.output
     assert "interrupted after 3" in sim.output
     assert 50 < len(output.read_text().splitlines()) < 70  # 20 rows a second
-
-
-def test_an_unknown_kind_of_event_is_named(into_wall: Path, tmp_path: Path) -> None:
-    into_wall.write_text(into_wall.read_text().replace('"link_lost"', '"colision"'))
-    with Program(tmp_path, "sim", into_wall, "--fast") as sim:
-        assert sim.wait() == 2
-    assert "allow[0]: 'colision' is not one of collision, capsize" in sim.output
 
 
 def test_a_campaign_counts_collisions(
@@ -115,37 +107,6 @@ def test_output_paths_are_checked_before_the_flight(arguments: list[str], messag
         import_module(COMMANDS[name][0]).main(rest)
 
 
-class Stream:
-    """A stream, a terminal or not, that stores what was written."""
-
-    def __init__(self, terminal: bool) -> None:
-        self.terminal, self.text = terminal, ""
-
-    def isatty(self) -> bool:
-        return self.terminal
-
-    def write(self, text: str) -> None:
-        self.text += text
-
-    def flush(self) -> None:
-        pass
-
-
-@pytest.mark.parametrize(("terminal", "expected_lines"), [(True, 100), (False, 2)])
-def test_long_work_shows_its_progress(terminal: bool, expected_lines: int) -> None:
-    """The work takes 25 s: it is shown four times a second on a terminal, every ten seconds elsewhere."""
-    now, stream = 0.0, Stream(terminal)
-    line = ProgressLine(stream, lambda: now)  # type: ignore[arg-type]  # a stand-in
-    for number in range(100):
-        line.show(f"run {number}")
-        now += 0.25
-    assert stream.text.count("run ") == expected_lines
-    assert ("\r" in stream.text) == terminal
-    line.clear()
-    ProgressLine(stream, lambda: now, at_once=True).show("first")  # type: ignore[arg-type]
-    assert stream.text.rstrip("\n").endswith("first")
-
-
 def test_the_master_refuses_a_vehicle_whose_external_controller_is_missing(tmp_path: Path) -> None:
     """The master ends at once, though a recorder subscribes to cmd_vel too."""
     scenario, port = write_scenario(tmp_path, top='controller = "external"')
@@ -161,11 +122,3 @@ def test_the_master_refuses_a_vehicle_whose_external_controller_is_missing(tmp_p
     assert "and none has driven its thrusters for 3 s of commands: start that first" in master.output
     assert "time limit" not in master.output
     assert "none listens" not in master.output
-
-
-def test_a_slave_with_tls_but_no_certificates_reports_it(tmp_path: Path) -> None:
-    """Its session is opened in a thread, whose error is the command's."""
-    with Program(tmp_path, "slave", "paper_field", "--listen", "tls/127.0.0.1:7447") as slave:
-        assert slave.wait() == 2, slave.output
-    assert "`uuv-hil keys add NAME`" in slave.output
-    assert "Traceback" not in slave.output

@@ -11,14 +11,10 @@ from rosbags.highlevel import AnyReader
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S
-from hil.network.opening import listen
 from hil.recording import tap
-from hil.recording.mcap_file import Message
 from hil.recording.reader import read_messages
-from hil.recording.recorder import Recorder
-from hil.scenario.records import Recording
 from tests.support.network.recorded_dive import command_for, own_recording, recorded_slave
-from tests.support.processes import ROOT, Program, free_port, run_here, wait_for
+from tests.support.processes import Program, free_port, run_here, wait_for
 
 
 def test_a_killed_recorder_leaves_a_readable_recording(tmp_path: Path) -> None:
@@ -65,38 +61,6 @@ def test_a_vehicle_continues_when_its_disk_is_full(tmp_path: Path) -> None:
         assert check.wait() == 0, check.output
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
-        (["recording", "make", "--connect", "7447"], 2, "tcp/HOST:PORT"),
-        (["recording", "replay", "nothing.mcap"], 2, "nothing.mcap: no such file"),
-        (["recording", "replay", "hil"], 2, "no .mcap file"),
-        (["recording", "replay", "README.md", "--check"], 2, "not an MCAP file"),
-        (["recording", "replay", "README.md", "--speed", "-1"], 2, "--speed"),
-        (["recording", "plot", "README.md"], 2, "not an MCAP file"),
-    ],
-)
-def test_command_lines_give_their_exit_code_and_message(
-    tmp_path: Path, arguments: list[str], code: int, message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(ROOT)
-    if arguments == ["recording", "make", "--connect", "7447"]:
-        arguments = [*arguments, "-o", str(tmp_path / "received")]
-    found, output = run_here(*arguments)
-    assert found == code, output
-    assert message in output
-
-
-def test_a_recorder_that_finds_a_recording_in_its_folder_prints_one_line(tmp_path: Path) -> None:
-    (tmp_path / "there.mcap").write_text("")
-    with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
-        for _ in range(4):  # a client that had connected already aborted in one case of two
-            with Program(tmp_path, "recording", "make", "--connect", endpoint, "-o", tmp_path) as record:
-                assert record.wait() == 2, record.output
-            (line,) = record.output.strip().splitlines()
-            assert "there is a recording in it already" in line
-
-
 def test_ctrl_c_ends_the_gateway_while_no_vehicle_is_connected(tmp_path: Path) -> None:
     endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
     for _ in range(3):
@@ -117,19 +81,3 @@ def test_a_recording_without_a_slave_is_an_error(tmp_path: Path, monkeypatch: py
     assert f"still no answer from {endpoint}; waiting" in output
     assert f"nothing was recorded: no answer from {endpoint}" in output
     assert "none lost" not in output
-
-
-def test_a_recording_without_samples_is_an_error(tmp_path: Path) -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    what = ["--connect", endpoint, "-o", tmp_path / "received", "--seconds", "2"]
-    with listen(endpoint), Program(tmp_path, "recording", "make", *what) as record:
-        assert record.wait() == 4, record.output
-    assert f"{endpoint} answered but sent no sample" in record.output
-
-
-def test_a_recording_without_a_vehicle_cannot_be_plotted(tmp_path: Path) -> None:
-    with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), {}) as recorder:
-        recorder.put(Message("/chat", "std_msgs/msg/String", 1, 1, 1, b"\0\1\0\0\2\0\0\0a\0"))
-    with Program(tmp_path, "recording", "plot", tmp_path / "bag") as plot:
-        assert plot.wait() == 2
-    assert "has no vehicle with positions" in plot.output

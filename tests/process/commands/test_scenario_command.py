@@ -128,24 +128,6 @@ def test_acceptable_settings_give_no_finding(capsys: pytest.CaptureFixture[str],
     assert run(capsys, "scenario", "check", "paper_field", *words) == (0, "paper_field: no problem found\n", "")
 
 
-def test_certificate_folders_are_checked(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """Only the folder of this machine has to be there, and that one whole."""
-    path = tmp_path / "mine.toml"
-    assert run(capsys, "scenario", "new", str(path))[0] == 0
-    path.write_text(f"{path.read_text()}\n[security]\nslave = 'a'\nmaster = 'b'\nmay_command = ['b']\n")
-    (tmp_path / "b").mkdir()
-    for name in ("ca.pem", "cert.pem"):
-        (tmp_path / "b" / name).touch()
-    code, output, _ = run(capsys, "scenario", "check", str(path))
-    assert code == 1
-    first, second = output.splitlines()
-    assert first.startswith(f"warning: {path}: security: slave: there is no folder {tmp_path / 'a'}: create it with")
-    assert f"problem: {path}: security: master: " in second
-    assert f"{tmp_path / 'b' / 'key.pem'} is not there; `uuv-hil keys add b`" in second
-    (tmp_path / "b" / "key.pem").touch()
-    assert run(capsys, "scenario", "check", str(path))[0] == 0
-
-
 def assert_found(capsys: pytest.CaptureFixture[str], name: str, changes: list[str], level: str, message: str) -> None:
     """Assert that `check` finds one thing, or it first, and that each line names the file."""
     code, output, error = run(capsys, "scenario", "check", name, *[w for change in changes for w in ("--set", change)])
@@ -203,40 +185,6 @@ def test_problems_of_a_fleet_are_found(
 ) -> None:
     name = "target_hunting_acoustic" if "modem" in changes[0] else "target_hunting"
     assert_found(capsys, name, changes, level, message)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ("master.speed=nan", "--set master.speed: nan m/s is outside 0.05 to 5 m/s"),
-        ("master.sped=1", "--set master.sped: no key 'sped'; did you mean 'speed'?"),
-        ("sensors.imu.rate=-1", "--set sensors.imu.rate: -1 Hz is outside"),
-        ("seed.x=1", "--set seed.x: 'seed' is a value, not a table"),
-        ('network.mode="routed"', '--set network.mode: mode = "routed" and router'),
-        ("vehicle=nix", "--set vehicle: no vehicle 'nix'"),
-    ],
-)
-@pytest.mark.parametrize("command", [("sim", "--fast"), ("bench", "delay"), ("slave",)], ids=" ".join)
-def test_an_error_of_a_change_names_the_change_and_not_the_file(
-    capsys: pytest.CaptureFixture[str], command: tuple[str, ...], change: str, message: str
-) -> None:
-    name = [] if "bench" in command else ["paper_field"]
-    code, _, error = run(capsys, *command, *name, "--set", "master.depth=4", "--set", change)
-    assert code == 2, error
-    assert f": {message}" in error.splitlines()[-1]  # behind the progress of a busy machine
-    assert "paper_field.toml" not in error
-
-
-def test_an_error_of_the_file_names_the_file_and_not_a_change(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    path = tmp_path / "mine.toml"
-    text = Path(load_scenario("paper_field").path).read_text()
-    path.write_text(text.replace("seed = 1\n", "seed = -5\n"))
-    code, _, error = run(capsys, "sim", str(path), "--set", "stm32=python")
-    assert (code, error) == (2, f"uuv-hil sim: {path}: seed: -5 is outside 0 to 9.22337e+18\n")
-    code, _, error = run(capsys, "campaign", "paper_field", "--vary", "master.speed=0.5,9")
-    assert (code, "--set or --vary master.speed: 9 m/s is outside" in error) == (2, True), error
 
 
 def test_a_scenario_is_changed_for_one_flight(capsys: pytest.CaptureFixture[str]) -> None:

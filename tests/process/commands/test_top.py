@@ -14,9 +14,9 @@ from boards import Board, load_board
 from boards.tree import Tree
 from hil.client.client import VehicleClient
 from hil.client.health_watch import PACED, HealthWatch, Status
-from hil.commands.top import fit_lines, table
+from hil.commands.top import table
 from hil.common.clock import now_ns
-from hil.gateways.prometheus import Endpoint, exposition
+from hil.gateways.prometheus import Endpoint
 from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.health.machine_figures import add_machine_figures, network_bytes
@@ -75,17 +75,6 @@ def test_the_message_rate_with_a_client_of_all_topics(slave: int, tmp_path: Path
         )
 
 
-def test_an_endpoint_without_a_slave_is_named(slave: int, tmp_path: Path) -> None:
-    present, absent = (f"tcp/127.0.0.1:{port}" for port in (slave, free_port()))
-    with Program(tmp_path, "top", "--connect", present, "--connect", absent, "--once") as top:
-        assert top.process.wait(60) == 0, top.output
-    assert f"nobody at {absent}: 127.0.0.1 is there but nothing listens on port" in top.output
-    assert f"nobody at {present}" not in top.output
-    with Program(tmp_path, "top", "--connect", present, "--connect", present, "--once") as top:
-        assert top.process.wait(60) == 0, top.output
-    assert "nobody at" not in top.output
-
-
 def test_two_slaves_of_one_name_are_reported(slave: int, tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", path) as other:
@@ -94,21 +83,6 @@ def test_two_slaves_of_one_name_are_reported(slave: int, tmp_path: Path) -> None
         with Program(tmp_path, "top", *both, "--once") as top:
             assert top.process.wait(60) == 0, top.output
     assert "2 slaves are called uuv1, and their figures are mixed" in top.output
-
-
-def test_lines_below_the_window_are_counted_and_remarks_stay() -> None:
-    lines = [*map(str, range(10)), "remark"]
-    assert fit_lines(lines, 11, 1) == lines
-    assert fit_lines(lines, 8, 1) == ["0", "1", "2", "3", "4", "5", "... 4 more lines in a higher window", "remark"]
-    assert len(fit_lines(lines, 1, 1)) == 1
-
-
-def test_a_missing_slave_is_reported_with_one_remedy(tmp_path: Path) -> None:
-    with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{free_port()}", "--once", "--wait", "0.5") as top:
-        assert top.process.wait(60) == 4, top.output
-    assert top.output.count("is `uuv-hil slave` running") == 1, "one remedy"
-    assert "nothing listens on port" in top.output
-    assert "Traceback" not in top.output
 
 
 def test_prometheus_listens_at_an_ipv6_address() -> None:
@@ -162,22 +136,6 @@ def test_every_figure_of_the_table_is_reported_by_a_slave(slave: int) -> None:
 
 def printed(**values: Any) -> Status:
     return Status("uuv1", 0, "running", reported(**values), {}, now_ns(), True)
-
-
-def test_metrics_are_in_base_units() -> None:
-    text = exposition([printed(pss_mib=2, lateness_p99_us=250, temperature_c=61.5, board='a "b"')])
-    assert 'uuv_hil_pss_bytes{node="uuv1",board="a \\"b\\""} 2097152' in text
-    assert 'uuv_hil_loop_lateness_p99_seconds{node="uuv1",board="a \\"b\\""} 0.00025' in text
-    assert "# TYPE uuv_hil_temperature_celsius gauge" in text
-    assert 'uuv_hil_temperature_celsius{node="uuv1",board="a \\"b\\""} 61.5' in text
-
-
-def test_an_unknown_throttling_state_is_not_shown_as_no() -> None:
-    for value, number in (("no", "0"), ("the clock is capped", "1")):
-        assert f'uuv_hil_throttled{{node="uuv1",board=""}} {number}\n' in exposition([printed(throttled=value)])
-        assert re.search(f"^throttled +{value}$", table([printed(throttled=value)], []), re.MULTILINE)
-    assert "uuv_hil_throttled{" not in exposition([printed()])
-    assert "throttled" not in table([printed()], [])
 
 
 def machine_figures(tree: Tree, board: Board | None) -> Diagnostics:

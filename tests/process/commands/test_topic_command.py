@@ -15,11 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from hil.client.message_text import lines, parse_values, plain_value
+from hil.client.message_text import lines, parse_values
 from hil.client.topics import whole_type
 from hil.commands.topic import listing
 from hil.common.errors import ConfigError
-from hil.common.tables import parse_toml
 from hil.network.opening import listen
 from hil.ros import graph, types
 from hil.ros import message as ros_message
@@ -30,21 +29,6 @@ from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 def read_yaml(text: str) -> Any:
     return YAML(typ="safe", pure=True).load(text)
-
-
-# --- values in
-
-NUMBERS = st.integers(-(2**40), 2**40) | st.floats(allow_nan=False, allow_infinity=False)
-VALUES = st.recursive(
-    NUMBERS | st.booleans() | st.none() | st.text(max_size=8),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner, max_size=4),
-    max_leaves=12,
-)
-
-
-@given(st.dictionaries(st.text(max_size=6), VALUES, max_size=4))
-def test_json_is_read(values: dict[str, Any]) -> None:
-    assert parse_values(json.dumps(values)) == values
 
 
 @pytest.mark.parametrize(
@@ -70,26 +54,6 @@ def test_yaml_1_1_booleans_are_parsed_and_quoted_texts_are_not() -> None:
     assert lines({"a": "off"}) == ['a: "off"']
 
 
-def test_nan_is_parsed() -> None:
-    assert math.isnan(parse_values("{x: .nan}")["x"])
-
-
-def test_toml_is_read() -> None:
-    text = 'linear = {x = 0.5}\nangular.z = 0.1\nname = "a"'
-    assert parse_values(text) == parse_toml(text)
-    assert parse_values("") == {}
-
-
-@pytest.mark.parametrize(
-    ("text", "at"),
-    [("{a: }}", "at '}'"), ('{a: "\\q"}', "at 'q"), ("{a: " + "[" * 5000, "too deep"),
-     ("hello", "hello"), ("{a: {b: 1}", "{a")],
-)  # fmt: skip
-def test_syntax_errors_are_reported_with_their_position(text: str, at: str) -> None:
-    with pytest.raises(ConfigError, match=re.escape(at)):
-        parse_values(text)
-
-
 @given(st.text(max_size=30))
 def test_random_text_raises_no_other_error(text: str) -> None:
     for noise in (text, f"{{{text}", f"{{a: {text}}}"):
@@ -111,10 +75,6 @@ def test_printed_messages_are_yaml(name: str) -> None:
             ros_message.empty("diagnostic_msgs/msg/DiagnosticStatus") | {"values": [{"key": "k", "value": "true"}]},
         ]
     assert read_yaml("\n".join(lines(message))) == json.loads(json.dumps(message))
-
-
-def test_plain_words_become_typed_values() -> None:
-    assert [plain_value(word) for word in ("1", "1.5", "true", "~", "a", "1_0a")] == [1, 1.5, True, None, "a", "1_0a"]
 
 
 def test_the_listing_shows_topics_types_and_nodes() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hil.cli import main
 from hil.commands.vehicle import xacro_expand
 from hil.commands.vehicle.xacro_expand import expand, is_xacro
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError
 from sim.vehicle.urdf.importer import read_urdf
 from sim.vehicle.urdf.text import find_mesh
 
@@ -84,14 +84,6 @@ def test_the_command_imports_a_xacro_with_arguments(
     assert "hydra, 31 kg" in capsys.readouterr().out
 
 
-def test_an_incomplete_vehicle_names_the_arguments(
-    hydra: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "hydra_water" / "urdf" / "water.xacro").write_text(f"<robot {NAMESPACE}/>")
-    assert main(["vehicle", "--import", str(hydra)]) == 2
-    assert "--add it; or try its arguments by --xacro: mass=24.0" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("text", "arguments", "message"),
     [
@@ -132,15 +124,6 @@ def test_an_endless_expression_is_stopped(expression: str, tmp_path: Path, monke
     path.write_text(f'<robot {NAMESPACE}><a b="${{{expression}}}"/></robot>')
     with pytest.raises(ConfigError, match=r"cannot be expanded: (one of its expressions takes too long|MemoryError)"):
         expand(str(path))
-
-
-def test_a_xacro_without_the_package_names_the_extra(
-    hydra: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['xacro'] = None")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(MissingExtraError, match="pip install"):
-        expand(str(hydra))
 
 
 def test_xacro_files_are_recognised(hydra: Path, tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """`uuv-hil doctor`: it reports the software and settings of a machine, and changes nothing."""
 
-import compileall
 import json
 import os
 import subprocess
@@ -13,13 +12,10 @@ import pytest
 
 from boards.tree import Tree
 from hil.commands import doctor
-from hil.common.errors import ConfigError
 from hil.doctor import software as doctor_software
-from hil.doctor.findings import Case, Finding, User
+from hil.doctor.findings import Case, User
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
-from sim import native
-from sim.native import NativeDynamics, choose
 from tests.support.processes import write_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -62,25 +58,6 @@ def test_an_invalid_setting_is_a_problem() -> None:
     assert run(UUV_HIL_NATIVE="maybe").returncode == 0  # nothing is needed yet
 
 
-def test_the_environment_requires_a_missing_extension(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "sim.native._native", None)
-    monkeypatch.setenv("UUV_HIL_NATIVE", "1")
-    (found,) = doctor_software.check_step(case_here())
-    assert (found.topic, found.remedy) == ("step", "unset UUV_HIL_NATIVE")
-
-
-@pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C here: python c_extensions.py")
-@pytest.mark.parametrize(("package", "topic"), [("sim.native", "step"), ("hil.slave.native", "firmware")])
-def test_an_extension_of_other_sources_is_reported(monkeypatch: pytest.MonkeyPatch, package: str, topic: str) -> None:
-    usual = native._source_bytes
-    monkeypatch.setattr(native, "_source_bytes", lambda name: " 1" if name == package else usual(name))
-    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    (finding,) = [finding for finding in doctor_software.check_step(case_here()) if finding.level != "ok"]
-    assert finding.topic == topic
-    assert "was compiled from other sources" in finding.text
-    assert finding.remedy == native.COMPILE_AGAIN
-
-
 def test_the_settings_of_this_process_do_not_change() -> None:
     def settings() -> tuple[int, list[str]]:
         status = Path("/proc/self/status").read_text().splitlines()
@@ -96,20 +73,6 @@ def test_a_missing_package_is_a_problem_only_if_the_scenario_needs_it(monkeypatc
     assert "tea" not in {finding.topic for finding in doctor_software.check_packages(case_here())}
     found = {finding.topic: finding for finding in doctor_software.check_packages(case_here("paper_field"))}
     assert found["tea"].level == "problem"
-
-
-def test_the_state_of_bytecode_is_reported(tmp_path: Path) -> None:
-    """Bytecode is reported as missing, as present, and as older than its source."""
-    source = tmp_path / "sim" / "deep" / "one.py"
-    source.parent.mkdir(parents=True)
-    source.write_text("x = 1\n")
-    found = doctor_software.check_bytecode(str(tmp_path))
-    assert found.level == "note"
-    assert found.text.startswith("1 of 1 modules are not compiled")
-    compileall.compile_dir(str(tmp_path), quiet=1)
-    assert doctor_software.check_bytecode(str(tmp_path)) == Finding("ok", "bytecode", "compiled, 1 modules")
-    source.write_text("x = 1000\n")
-    assert doctor_software.check_bytecode(str(tmp_path)).level == "note"
 
 
 def test_a_step_that_takes_more_than_its_share_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -209,17 +172,3 @@ def test_a_recording_folder_of_another_user_is_a_problem(tmp_path: Path) -> None
     folder.chmod(0o777)
     assert [finding.level for finding in doctor_software.check_start(scenario, outsider)] == ["ok"]
     assert list(folder.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--root", "/no/such/folder"], "--root: /no/such/folder: no such folder"),
-        (["--user", "no-such-user"], "no user 'no-such-user'"),
-        (["--listen", "tcp/0.0.0.0:7447"], "need a scenario"),
-        (["--board", "raspberry_pi_4c"], "did you mean 'raspberry_pi_4b'"),
-    ],
-)
-def test_wrong_options_are_refused(arguments: list[str], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        doctor.main(arguments)

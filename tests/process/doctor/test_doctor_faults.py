@@ -102,10 +102,6 @@ def no_memory(root: Path) -> None:
     plant(root, "proc/meminfo", re.sub(r"(?<=MemAvailable:) +\d+", "      40960", text))
 
 
-def no_memory_limit(root: Path) -> None:
-    plant(root, "sys/fs/cgroup/cgroup.controllers", "cpuset cpu io pids\n")
-
-
 def test_a_healthy_board_has_no_problem(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, found = examine(board, capsys)
     assert code == 0
@@ -177,61 +173,6 @@ def test_a_healthy_can_bus_is_no_problem(board: Path, capsys: pytest.CaptureFixt
     can0(board)
     no_permission(board)  # of a port that is not used
     assert examine(board, capsys, CAN)[0] == 0
-
-
-def test_a_can_bus_without_iproute2_has_unknown_settings(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    plant(board, "sys/class/net/can0/flags", "0x40081\n")
-    code, found = examine(board, capsys, CAN)
-    assert code == 0
-    assert "bit rate and state are unknown" in found[0]["text"]
-
-
-def disabled(root: Path) -> None:
-    """Disable memory groups as a Raspberry Pi's firmware does; a recorded machine may lack /sys/fs/cgroup."""
-    append(root, "proc/cmdline", "cgroup_disable=memory")
-
-
-@pytest.mark.parametrize("fault", [no_memory_limit, disabled])
-def test_a_kernel_without_memory_limits_is_noted(
-    board: Path, capsys: pytest.CaptureFixture[str], fault: Callable[[Path], None]
-) -> None:
-    fault(board)
-    code, output = examine(board, capsys)
-    assert code == 0
-    assert [(row["level"], row["topic"]) for row in output] == [("note", "memory limit"), ("note", "security")]
-    assert "MemoryMax" in output[0]["text"]
-    assert "cgroup_enable=memory" in output[0]["remedy"]
-    assert "/boot/firmware/cmdline.txt" in output[0]["remedy"]
-
-
-def enabled(root: Path) -> None:
-    append(root, "proc/cmdline", "cgroup_disable=memory cgroup_enable=memory")
-
-
-def version_2(root: Path) -> None:
-    append(root, "proc/cmdline", "cgroup_disable=memory")
-    plant(root, "sys/fs/cgroup/cgroup.controllers", "cpuset cpu io memory pids\n")
-
-
-def version_1(root: Path) -> None:
-    append(root, "proc/cmdline", "cgroup_disable=memory")
-    plant(root, "sys/fs/cgroup/memory/cgroup.procs", "")
-
-
-@pytest.mark.parametrize("change", [enabled, version_2, version_1])
-def test_a_kernel_with_memory_limits_gives_no_finding(
-    board: Path, capsys: pytest.CaptureFixture[str], change: Callable[[Path], None]
-) -> None:
-    change(board)
-    assert [row["topic"] for row in examine(board, capsys)[1]] == ["security"]
-
-
-def test_an_unreadable_throttling_state_is_noted(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (board / THROTTLED).unlink()
-    code, found = examine(board, capsys, SERIAL)
-    (note,) = [row for row in found if row["topic"] == "throttled"]
-    assert (code, note["level"]) == (0, "note")
-    assert "usermod -aG video" in note["remedy"]
 
 
 def test_without_a_scenario_nothing_is_a_problem(board: Path, capsys: pytest.CaptureFixture[str]) -> None:

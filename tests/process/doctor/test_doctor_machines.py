@@ -55,25 +55,6 @@ def test_a_jetson_without_the_port_is_reported_with_the_name_of_another(
     assert "systemctl" not in problem["remedy"]
 
 
-def test_a_user_of_the_recorded_machine_only_is_found(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    port = board / "dev/ttyS0"
-    port.chmod(0o660)
-    plant(board, "etc/passwd", f"pi-of-the-board:x:4242:{port.stat().st_gid}::/:/bin/sh\n")
-    assert doctor.main(["--root", str(board), "--user", "pi-of-the-board"]) == 0
-    assert "/dev/serial0 (/dev/ttyS0): pi-of-the-board may open it" in capsys.readouterr().out
-
-
-def test_a_missing_usb_adapter_is_reported_with_others(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    def remedy() -> str:
-        (problem,) = [row for row in examine(board, capsys, text)[1] if row["level"] == "problem"]
-        return problem["remedy"]
-
-    text = SERIAL + '[link]\nport = "/dev/ttyUSB0"\n'
-    assert remedy() == "connect it; see: ls /dev/serial/by-id/"
-    plant(board, "dev/ttyUSB1", "")
-    assert remedy() == 'there is /dev/ttyUSB1: [link] port = "/dev/ttyUSB1"'
-
-
 def test_a_laptops_powersave_is_no_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The governor powersave of intel_pstate follows the load."""
     root = build("laptop", tmp_path / "root")

@@ -2,7 +2,6 @@
 
 import os
 import pty
-import stat
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,8 +15,6 @@ from hil.doctor import board as doctor_board
 from hil.doctor import links as doctor_links
 from hil.doctor import software as doctor_software
 from hil.doctor.findings import Account, Case, User, accounts
-from hil.install.units import LIMITS as SHELLS
-from hil.install.units import UNIT
 from hil.scenario.config import Scenario, load_scenario
 from tests.support.boards.recorded import plant
 
@@ -83,28 +80,6 @@ def test_root_determines_the_limits_of_another_user(
     assert tree.requested == [("runuser", "-u", "uuv", "--", "cat", "/proc/self/limits", "/proc/self/status")]
 
 
-@pytest.mark.parametrize(("user", "level"), [("uuv", "note"), ("somebody", "problem")])
-def test_an_installed_service_has_the_limits_of_its_unit(account: User, user: str, level: str) -> None:
-    unit = f"[Service]\nUser={user}\nLimitRTPRIO=40\n"
-    tree = Runner(LIMITS.format(priority=0, locked="unlimited") + STATUS.format(0), {UNIT: unit})
-    found = next(doctor_board.check_realtime_limits(Case(tree, None, scenario(), account)))
-    assert (found.level, found.topic) == (level, "real time")
-    assert ("as the installed service it has 40" in found.text) == (user == "uuv")
-
-
-def test_an_installed_grant_counts_from_the_next_login(account: User) -> None:
-    """A second installation would change nothing."""
-    files = {
-        UNIT: "[Service]\nUser=uuv\nLimitRTPRIO=40\n",
-        SHELLS: "# Written\nuuv - rtprio 40\nuuv - memlock unlimited\n",
-    }
-    tree = Runner(LIMITS.format(priority=0, locked="8388608") + STATUS.format(0), files)
-    remedies = {row.remedy for row in doctor_board.check_realtime_limits(Case(tree, None, scenario(), account))}
-    assert remedies == {f"log in again: new sessions get it from {SHELLS}"}
-    (elsewhere, _) = doctor_board.check_realtime_limits(Case(tree, None, scenario(), account._replace(name="somebody")))
-    assert elsewhere.remedy.startswith("uuv-hil board install")
-
-
 def test_without_root_the_limits_of_others_cannot_be_determined(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.getuid", lambda: 1000)
     monkeypatch.setattr("os.geteuid", lambda: 1000)
@@ -126,16 +101,6 @@ def test_the_limits_of_the_user_nobody_are_read(capsys: pytest.CaptureFixture[st
         "SCHED_FIFO"
         in next(doctor_software.check_scheduling(case._replace(user=doctor.find_user(Tree("/"), None)))).text
     )
-
-
-@as_root
-def test_an_installation_that_the_user_cannot_read_is_noted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    tmp_path.chmod(0o700)
-    monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
-    (finding,) = doctor_software.check_scheduling(Case(Tree("/"), None, None, doctor.find_user(Tree("/"), "nobody")))
-    assert finding.level == "note"
-    assert finding.text == f"cannot be determined: nobody cannot start {tmp_path}/python"
-    assert finding.remedy == f"see: runuser -u nobody -- {tmp_path}/python -V"
 
 
 PASSWD = "odd\npi:x:1000:1000:,,,:/home/pi:/bin/bash\npilot:x:4242:many::\n"
@@ -211,32 +176,3 @@ def test_only_root_can_see_all_processes_that_hold_a_port(port: str, monkeypatch
     assert findings_of(User("outsider", 4711, ()), 1000) == [], "the port is not theirs anyway"
     monkeypatch.setattr(doctor_links, "find_openers", lambda *_: [os.getpid()])
     assert [level for level, _ in findings_of(owner, 1000)] == ["problem"]
-
-
-def test_a_missing_port_gives_no_finding_about_its_holders(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("os.geteuid", lambda: 1000)
-    case = Case(Tree("/"), None, scenario("/dev/ttyNONE"), User("pilot", 1000, ()))
-    assert not list(doctor_links.check_port_users(case))
-
-
-RULE = "uuv-hil board install assigns it to the group dialout, by a udev rule; sudo usermod -aG dialout pilot, "
-
-
-@pytest.mark.parametrize(
-    ("mode", "gid", "remedy"),
-    [
-        (0o660, 20, "sudo usermod -aG dialout pilot, "),
-        (0o660, 987, "sudo usermod -aG uucp pilot, "),  # Arch and others
-        (0o620, 5, RULE),  # a console's: the group of write(1) may not read
-        (0o600, 20, RULE),
-        (0o660, 0, RULE),  # nobody is to join root's
-        (0o660, 4242, RULE),  # a group without a name
-    ],
-)
-def test_the_remedy_for_a_port_without_permission(tmp_path: Path, mode: int, gid: int, remedy: str) -> None:
-    plant(tmp_path, "etc/group", "root:x:0:\ntty:x:5:\ndialout:x:20:\nodd\nuucp:x:987:\n")
-    found = os.stat_result((stat.S_IFCHR | mode, 0, 0, 1, 0, gid, 0, 0, 0, 0))
-    assert (
-        doctor_links.permission_remedy(Tree(str(tmp_path)), found, User("pilot", 1000, ()))
-        == f"{remedy}then log in again"
-    )

@@ -4,7 +4,6 @@ import fcntl
 import os
 import shutil
 import signal
-import subprocess
 import sys
 import termios
 import time
@@ -23,7 +22,6 @@ from tests.support.processes import wait_for
 
 FULL = (1900, 1100, 1600, 1400, 1500, 1501)
 NEUTRAL = (1500,) * 6
-PATIENCE_S = 60.0
 UNREAD_LIMIT = 2048  # bytes, of `pty.c`
 
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
@@ -105,14 +103,6 @@ def test_unread_telemetry_does_not_block_it(stm32: NativeStm32, device: str) -> 
     link.close()
 
 
-def test_a_second_process_on_the_same_path_is_refused(stm32: NativeStm32, device: str) -> None:
-    with pytest.raises(DeviceError, match="already served by another process"):
-        NativeStm32(device, 6, 0.2)
-    link = host(device)
-    wait_telemetry(link, lambda report: True)
-    link.close()
-
-
 def test_a_new_process_starts_after_a_kill(stm32: NativeStm32, device: str) -> None:
     os.kill(stm32.pid, signal.SIGKILL)
     stm32.close()
@@ -130,27 +120,6 @@ def test_a_file_at_its_path_is_not_overwritten(device: str) -> None:
         NativeStm32(device, 6, 0.2)
     assert Path(device).read_text() == "precious"
     assert os.listdir(os.path.dirname(device)) == ["stm32"]
-
-
-@pytest.mark.parametrize(
-    ("options", "code", "message"),
-    [
-        (["--watchdog", "200"], 2, "200 has no unit; write it as 200 ms or 0.2 s"),
-        (["--watchdog", "1 ms"], 2, "1 ms is outside 10 ms to 60 s"),
-        (["--watchdog", "nan s"], 2, "nan s is outside"),
-        (["--channels", "17"], 2, "17 is not a number from 1 to 16"),
-        (["--channels", "6x"], 2, "6x is not a number"),
-        (["--channels"], 2, "needs a value"),
-        (["--frame", "uuv_hil"], 2, "is no option"),
-        (["--device", "/nowhere/stm32"], 3, "/nowhere/stm32: cannot be made: No such file or directory"),
-    ],
-)
-def test_a_wrong_option_is_one_line(options: list[str], code: int, message: str) -> None:
-    done = subprocess.run([build_native(), *options], capture_output=True, text=True, timeout=PATIENCE_S)
-    assert (done.returncode, done.stdout) == (code, "")
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("uuv-hil-stm32-native: ")
-    assert message in line
 
 
 def test_the_program_is_compiled_once(cache: Path) -> None:
@@ -185,15 +154,3 @@ def test_without_pymavlink_the_frame_protocol_works(device: str, monkeypatch: py
     assert wait_telemetry(link, lambda report: report.sequence == 3).pwm_us == FULL
     link.close()
     stm32.close()
-
-
-def test_a_missing_compiler_is_reported_with_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CC", "no-such-compiler")
-    with pytest.raises(DeviceError, match=r"no C compiler 'no-such-compiler'.*sudo apt install gcc"):
-        build_native()
-
-
-def test_a_cache_that_cannot_be_made_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
-    with pytest.raises(DeviceError, match=r"/proc/nowhere/uuv-hil: .*; set XDG_CACHE_HOME"):
-        build_native()

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from hil.client.fleet import Fleet
-from hil.common.errors import NetworkError
 from hil.gateways.access import Access, token_path
 from hil.gateways.json_lines.requests import COMMANDS, SERVICES
 from hil.gateways.json_lines.server import JsonGateway
@@ -170,11 +169,6 @@ def test_nan_is_sent_as_null(client: Client) -> None:
     assert sample["sample"]["thrusters"] == 6
     raw = json.dumps(sample)
     assert "NaN" not in raw
-
-
-def test_a_port_in_use_is_reported(gateway: JsonGateway, fleet: Fleet) -> None:
-    with pytest.raises(NetworkError, match=f"127.0.0.1:{gateway.port}.*in use"):
-        JsonGateway(fleet, "127.0.0.1", gateway.port)
 
 
 def test_the_command_serves_json(fleet: Fleet, tmp_path: Path) -> None:

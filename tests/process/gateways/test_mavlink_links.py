@@ -9,10 +9,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import NetworkError
-from hil.gateways.mavlink.endpoints.opening import MARKERS, open_link
+from hil.gateways.mavlink.endpoints.opening import open_link
 from hil.links.endpoints.patient import PatientLink
-from hil.links.endpoints.sockets import Link, TcpIn, UdpIn
+from hil.links.endpoints.sockets import Link, UdpIn
 from hil.links.wires.terminal import PtyWire
 from hil.scenario.mavlink_records import MavlinkEndpoint
 from tests.support.processes import wait_for
@@ -102,10 +101,3 @@ def test_a_device_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
 def _ticked(link: Link, now: int) -> Link:
     link.tick(now)
     return link
-
-
-def test_a_port_in_use_is_named_in_the_error() -> None:
-    link = TcpIn("127.0.0.1", 0, MARKERS)
-    with pytest.raises(NetworkError, match=f"tcpin:127.0.0.1:{link.port}.*ArduSub"):
-        open_link(MavlinkEndpoint("tcpin", "127.0.0.1", link.port), print)
-    link.close()

@@ -171,16 +171,6 @@ def test_power_saving_of_the_wlan_is_turned_off(root: Path, scenario: str, execu
     assert not (root / MANAGER[1:]).exists()
 
 
-def test_a_memory_limit_that_the_kernel_ignores_is_noted(
-    root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for controllers, reported in (("cpu io memory pids", False), ("cpu io pids", True)):
-        plant(root, "sys/fs/cgroup/cgroup.controllers", controllers)
-        assert install(root, scenario, "--dry-run") == 0
-        notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note:")]
-        assert any("MemoryMax=" in note and "cgroup_enable=memory" in note for note in notes) is reported
-
-
 @pytest.mark.parametrize(("version", "filtered"), [(237, False), (239, True), (252, True)])
 def test_system_calls_are_filtered_where_systemd_supports_it(
     root: Path, scenario: str, version: int, filtered: bool
@@ -203,15 +193,6 @@ def test_the_kernel_module_of_a_can_interface_is_loaded(tmp_path: Path, scenario
     assert install(root, scenario, "--yes") == 0
     assert not (root / MODULE_UNIT[1:]).exists()
     assert values(root, CAN_UNIT, "Wants") == []
-
-
-def test_a_dash_in_an_interface_name_is_escaped(root: Path, scenario: str) -> None:
-    Path(scenario).write_text(CAN.replace("can0", "can-a"))
-    assert install(root, scenario, "--yes") == 0
-    device = r"sys-subsystem-net-devices-can\x2da.device"
-    assert values(root, CAN_UNIT, "BindsTo") == values(root, CAN_UNIT, "After") == [device]
-    assert values(root, CAN_UNIT, "WantedBy") == [f"multi-user.target {device}"]
-    assert "/sbin/ip link set can-a type can bitrate 500000" in values(root, CAN_UNIT, "ExecStart")
 
 
 @pytest.mark.parametrize(

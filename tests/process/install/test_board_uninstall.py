@@ -50,15 +50,6 @@ def test_a_changed_unit_is_stopped_but_its_file_is_left(
     assert "nothing is installed on this machine" in capsys.readouterr().err
 
 
-def test_files_that_the_service_stored_are_named(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert install(root, scenario, "--yes") == 0
-    (root / "var/lib/uuv-hil").mkdir(parents=True)
-    capsys.readouterr()
-    assert uninstall(root) == 0
-    assert capsys.readouterr().out.endswith("remove them with: sudo rm -r /var/lib/uuv-hil\n")
-    assert (root / "var/lib/uuv-hil").is_dir()
-
-
 def test_created_folders_are_removed(root: Path, scenario: str) -> None:
     (root / "etc/udev").mkdir()
     before = sorted(root.rglob("*"))

@@ -9,9 +9,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.common.errors import ConfigError, MissingExtraError
 from hil.links.contract import MAX_THRUSTERS, ThrusterCommand, ThrusterTelemetry
-from hil.links.mavlink.link import open_mavlink
 from hil.links.mavlink.settings import EscReading
 from tests.support.links.mavlink_peer import MS, Board, Clock, Peer, device_end, host_end
 
@@ -278,21 +276,6 @@ def test_an_end_refuses_to_send_a_wrong_kind_or_number() -> None:
         device_end().encode(order(1))
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"channels": 17}, "1 to 16 thrusters, not 17"),
-        ({"channels": 0}, "1 to 16 thrusters, not 0"),
-        ({"command": "servo_output"}, "command: .*did you mean 'servo_output_raw'"),
-        ({"component": 191}, "component and host_component are the same"),
-    ],
-)
-def test_wrong_settings_are_named(settings: dict[str, Any], message: str) -> None:
-    for role in ("host", "device"):
-        with pytest.raises(ConfigError, match=message):
-            open_mavlink(role, **{"channels": 4, **settings})
-
-
 def test_ids_can_be_chosen() -> None:
     ids = {"system": 7, "component": 140, "host_component": 25}
     board, host, decoder = Board(**ids), host_end(**ids), Peer()
@@ -302,14 +285,6 @@ def test_ids_can_be_chosen() -> None:
     assert {(m.get_srcSystem(), m.get_srcComponent()) for m in decoder.parse(output)} == {(7, 140)}
     assert reports(host.feed(output))[-1].pwm_us == PULSES
     assert Board().take(packets) == b"", "another system's"
-
-
-def test_without_pymavlink_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in sys.modules if name.startswith(("pymavlink", "hil.links.mavlink."))]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "pymavlink", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[mavlink\]'"):
-        open_mavlink("host", 4)
 
 
 LOADED = """

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
-from hil.common.errors import ConfigError
 from hil.master.progress import Progress
-from hil.master.recorder import COLUMNS, TrackWriter, make_folder
+from hil.master.recorder import COLUMNS, TrackWriter
 from hil.recording.recorder import new_folder
 from sim.sensors.samples import OdometrySample
 from tests.support.processes import ROOT
@@ -45,15 +44,6 @@ def test_a_full_disk_is_reported_once(tmp_path: Path) -> None:
     assert line == f"{tmp_path}/track.csv ends here: No space left on device; the flight goes on"
 
 
-def test_an_error_is_printed_when_no_report_function_is_given(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "track.csv").mkdir()
-    with TrackWriter(str(tmp_path)) as track:
-        track.row(0.05, SAMPLE, SAMPLE, VelocityCommand())
-    assert capsys.readouterr().err.count("Is a directory") == 1
-
-
 def test_a_file_of_limited_size_has_complete_rows(tmp_path: Path) -> None:
     command = [sys.executable, "-c", LIMITED, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
@@ -63,17 +53,6 @@ def test_a_file_of_limited_size_has_complete_rows(tmp_path: Path) -> None:
     assert 4800 < len(text) <= 5000
     assert text.endswith("\n")
     assert {line.count(",") for line in text.splitlines()} == {COLUMNS.count(",")}
-
-
-def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigError, match=r"choose another folder$"):
-        make_folder(str(tmp_path / "file" / "run"))
-    with pytest.raises(ConfigError, match=r"choose another folder$"):
-        new_folder("paper_field", str(tmp_path / "file"))
-    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)  # root may write everywhere
-    with pytest.raises(ConfigError, match=r"no permission to write there; choose another folder$"):
-        make_folder(str(tmp_path))
 
 
 def test_runs_in_the_same_second_have_separate_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

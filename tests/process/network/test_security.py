@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 
 from hil.commands.keys import add_machine, init
-from hil.common.errors import ConfigError, NetworkError
-from hil.common.schema import parse
 from hil.network.diagnosis import why_not
 from hil.network.opening import listen
 from hil.network.presence import declare_presence, watch_presence
@@ -219,18 +217,6 @@ def test_a_client_with_tls_and_a_slave_without_is_reported(keys: Path) -> None:
     assert fault is not None
     assert not fault.lasting
     assert "uuv-hil slave" in fault.text
-
-
-def test_missing_files_and_sections_are_named(keys: Path, tmp_path: Path) -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with pytest.raises(NetworkError, match=r"nowhere/ca\.pem is not there; `uuv-hil keys add nowhere`"):
-        open_master_session(endpoint, security=Security("", str(tmp_path / "nowhere"), ("laptop",)))
-    with pytest.raises(NetworkError, match=r"names no slave"):
-        listen(endpoint, security=Security("", str(keys / "laptop"), ("laptop",)))
-    with pytest.raises(ConfigError, match=r"needs certificates: make them with `uuv-hil keys"):
-        open_master_session("tls/127.0.0.1:7447")
-    with pytest.raises(ConfigError, match="may_command"):
-        parse({"slave": "a", "master": "b"}, Security, "file: security")
 
 
 def test_folders_are_found_beside_the_scenario() -> None:

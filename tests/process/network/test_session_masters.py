@@ -10,7 +10,6 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
-from hil.commands.keys import add_machine, init
 from hil.network.roles import open_master_session
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import or_nan
@@ -155,40 +154,6 @@ def test_one_session_commands_several_vehicles(tmp_path: Path) -> None:
         assert command_until(lambda: all(len(client.delays) > 15 for client in clients), *clients)
         for client in clients:
             client.close()
-
-
-SECURITY = """
-[security]
-slave = "keys/uuv1"
-master = "keys/{master}"
-may_command = ["laptop"]
-may_listen = ["viewer"]
-"""
-
-
-def test_a_refused_master_prints_the_reason(tmp_path: Path) -> None:
-    init(str(tmp_path / "keys"))
-    for name in ("uuv1", "laptop", "viewer", "outsider"):
-        add_machine(str(tmp_path / "keys"), name, ["localhost"])
-    plain, port = write_scenario(tmp_path)
-    text = plain.read_text()
-    arguments = ("--connect", f"tcp/127.0.0.1:{port}", "--wait", 5, "--output", tmp_path / "run")
-    output = {"viewer": "may_command", "outsider": "may_listen does not name 'outsider'", "": "wants a certificate"}
-    scenarios = {}
-    for name in ("laptop", *output):
-        scenarios[name] = tmp_path / f"{name or 'none'}.toml"
-        scenarios[name].write_text(text + (SECURITY.format(master=name) if name else ""))
-    with Program(tmp_path, "slave", scenarios["laptop"]) as slave:
-        slave.expect("ready")
-        running = {name: Program(tmp_path, "master", scenarios[name], *arguments) for name in output}
-        for name, messages in output.items():
-            with running[name] as master:
-                assert master.wait() == 4, master.output
-                assert messages in master.output
-                assert "Traceback" not in master.output
-        with Program(tmp_path, "master", scenarios["laptop"], *arguments) as master:
-            master.expect("flying")
-        assert "Traceback" not in slave.output
 
 
 def test_a_command_from_the_future_or_malformed_changes_nothing(slave: tuple[Program, str]) -> None:

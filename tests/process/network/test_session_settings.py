@@ -1,21 +1,11 @@
 """Settings of a session, its errors, and discovery."""
 
 import os
-import re
-import shutil
 import socket
 import stat
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from cryptography.hazmat.primitives.serialization import (
-    BestAvailableEncryption,
-    Encoding,
-    PrivateFormat,
-    load_pem_private_key,
-)
 
 from hil.commands.keys import add_machine, init, main
 from hil.common.errors import ConfigError, NetworkError
@@ -23,13 +13,12 @@ from hil.common.schema import parse
 from hil.network.discovery import find
 from hil.network.opening import listen
 from hil.network.responder import answer_searches
-from hil.network.roles import open_master_session
 from hil.network.security import Security
 from hil.network.settings import BATCH, PINGS, Network, endpoints, settings
 from hil.network.tokens import Presence, Role, clock_keys, presence_key, read_presence
 from hil.scenario.config import load_scenario
 from tests.support.network.multicast import require_multicast
-from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario
+from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 
 def test_an_endpoint_is_two_links_by_priority() -> None:
@@ -39,26 +28,6 @@ def test_an_endpoint_is_two_links_by_priority() -> None:
     assert endpoints("tcp/[::1]:7447", secure=True)[0].startswith("tls/[::1]:7447?")
     (only,) = endpoints("tcp/10.0.0.1:7447", one=True)
     assert only.startswith("tcp/10.0.0.1:7447#so_sndbuf=")
-
-
-@pytest.mark.parametrize("endpoint", ["7447", "udp/1.2.3.4:7447", "tcp/:7447", "tcp/h:65535", "tcp/h:0", "tcp/h:x", ""])
-def test_an_invalid_endpoint_is_reported(endpoint: str) -> None:
-    with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
-        open_master_session(endpoint)
-
-
-def test_an_unknown_host_is_reported_with_the_remedy() -> None:
-    with pytest.raises(NetworkError, match=r"^cannot listen on tcp/no\.such\.invalid:7447: .* give its address$"):
-        listen("tcp/no.such.invalid:7447")
-
-
-@pytest.mark.skipif(not shutil.which("setpriv"), reason="util-linux's setpriv is not installed")
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give the right to such ports away")
-def test_a_privileged_port_is_reported_with_the_remedy() -> None:
-    code = 'from hil.network.opening import listen; listen("tcp/127.0.0.1:81")'
-    unprivileged = ["setpriv", "--bounding-set=-net_bind_service", "--inh-caps=-net_bind_service"]
-    done = subprocess.run([*unprivileged, sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
-    assert re.search(r"cannot listen on tcp/127.0.0.1:81: no permission .* below 1024 .* --listen$", done.stderr, re.M)
 
 
 @pytest.mark.parametrize("number", [0, 1])
@@ -152,13 +121,6 @@ def test_multicast_finds_only_slaves_with_discovery() -> None:
         assert hidden not in find(0.3)
 
 
-def test_a_master_reports_a_missing_router(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.network.settings.ROUTER_WAIT_MS", 200)
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with pytest.raises(NetworkError, match="uuv-hil router"):
-        open_master_session(endpoint, network=Network(mode="routed", router=endpoint))
-
-
 def test_a_mission_finds_its_slave_by_multicast(tmp_path: Path) -> None:
     require_multicast()
     scenario, _ = write_scenario(tmp_path)
@@ -191,13 +153,3 @@ def test_keys_are_private_and_never_overwritten(tmp_path: Path, capsys: pytest.C
     with pytest.raises(ConfigError, match="neither an address nor a name"):
         add_machine(folder, "uuv2", ["ü"])
     assert len(os.listdir(add_machine(folder, 64 * "a", []))) == 3
-
-
-def test_an_authority_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
-    authority = Path(init(str(tmp_path)))
-    key = load_pem_private_key((authority / "key.pem").read_bytes(), None)
-    locked = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"secret"))
-    for content in (locked, b"", b"\xff"):
-        (authority / "key.pem").write_bytes(content)
-        with pytest.raises(ConfigError, match="authority cannot be read"):
-            add_machine(str(tmp_path), "uuv1", [])

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 import hil
-from hil.common.errors import ConfigError
 from hil.common.tables import parse_toml
 from hil.recording.reader import read_messages
 from hil.ros import encoders as ros
@@ -158,27 +157,6 @@ def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(sen
         reported = re.search(r"([\d.]+) degrees", program.output)
         assert reported, program.output
         assert float(reported[1]) == pytest.approx(16.95, abs=0.3)
-
-
-@pytest.mark.parametrize(
-    ("section", "message"),
-    [
-        ('[sensors.mine]\nclass = "my_sensors:Bare"', "sensors: mine: key 'rate' is missing"),
-        ('[sensors.mine]\nclass = "my_sensors:Bare"\nrate = 1\nx = 2', "does not take these keys"),
-        ('[sensors.mine]\nclass = "my_sensors:Deaf"\nrate = 1', "my_sensors:Deaf has no method 'begin'"),
-        ('[sensors.mine]\nclass = "my_sensors:Typeless"\nrate = 1', "has no attribute `message`"),
-        ('[sensors.mine]\nclass = "my_sensors:Unknown"\nrate = 1', "did you mean 'std_msgs/msg/Float64'"),
-        ('[sensors.mine]\nclass = "my_sensors:Nothing"\nrate = 1', "my_sensors has no 'Nothing'"),
-        ('[sensors.odom]\nclass = "my_sensors:Bare"\nrate = 1', "the topic 'odom' is taken"),
-        ('[sensors.imu]\nclass = "my_sensors:Bare"\nrate = 1', "imu: no key 'class'"),
-        ('[sensors."my-own"]\nclass = "my_sensors:Bare"\nrate = 1', "a sensor's name becomes a topic's"),
-        ("[sensors.mine]\nrate = 1", 'one of your own class = "module:Class"'),
-    ],
-)
-def test_wrong_sensor_sections_are_reported(sensor_folder: Path, section: str, message: str) -> None:
-    path, _ = scenario_with(sensor_folder, section)
-    with pytest.raises(ConfigError, match=re.escape(message)):
-        load_scenario(str(path))
 
 
 def test_a_slave_with_a_wrong_sensor_message_ends_with_its_name(sensor_folder: Path) -> None:

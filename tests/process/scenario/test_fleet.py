@@ -8,7 +8,7 @@ import pytest
 from hil.cli import main
 from hil.common.errors import ConfigError, MissionError
 from hil.scenario.config import Scenario, load_scenario
-from hil.scenario.fleet import as_member, hunt_plan, hunting_of, member_number
+from hil.scenario.fleet import as_member, hunt_plan, hunting_of
 
 MEMBER = """
 [[member]]
@@ -58,15 +58,6 @@ def test_members_have_different_seeds(tmp_path: Path) -> None:
     assert len(seeds) == 150
 
 
-@pytest.mark.parametrize(
-    ("member", "message"),
-    [("d", "no member 'd'.*there are: a, b, c"), ("0", "no member"), ("4", "no member"), ("", "say with --member")],
-)
-def test_an_unknown_member_is_reported(tmp_path: Path, member: str, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        member_number(fleet(tmp_path), member)
-
-
 def test_a_scenario_of_one_vehicle_has_no_members() -> None:
     with pytest.raises(ConfigError, match="is of one vehicle, not of a fleet"):
         as_member(load_scenario("paper_field"), "uuv1")
@@ -100,11 +91,6 @@ def test_wrong_members_are_named(tmp_path: Path, changes: dict[str, Any], messag
 def test_wrong_hunts_are_named(tmp_path: Path, tail: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         fleet(tmp_path, tail=tail)
-
-
-def test_a_hunt_that_is_no_table_is_refused() -> None:
-    with pytest.raises(ConfigError, match="hunting: expected a table"):
-        load_scenario("target_hunting", {"hunting": 3})
 
 
 def test_a_hunt_plan_needs_a_hunt_and_three_members(tmp_path: Path) -> None:

@@ -143,11 +143,6 @@ def test_an_invalid_command_is_counted_and_ignored(bench: Bench, topic: str, pay
     assert bench.command_receiver.master == b""
 
 
-def test_the_wrong_number_of_thrusts_is_reported(bench: Bench) -> None:
-    bench.send("cmd_thrusters", encode_thrusts((1.0,) * 5))
-    assert bench.command_receiver.fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
-
-
 def test_a_pose_is_unchanged_by_conversion_to_enu_and_back() -> None:
     pose = PoseCommand((3.0, -4.0, 5.0), 2.2)
     back = DECODERS["cmd_pose"](encode_pose(pose, 123, "map"))

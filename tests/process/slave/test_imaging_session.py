@@ -9,7 +9,6 @@ import pytest
 import zenoh
 
 from hil.commands.keys import add_machine, init
-from hil.common.errors import NetworkError
 from hil.network.opening import listen
 from hil.network.roles import open_master_session, open_router_session
 from hil.network.security import Security
@@ -107,8 +106,3 @@ def test_subscribers_are_known_after_an_unread_link(stack: ExitStack) -> None:
     listener.undeclare()  # type: ignore[no-untyped-call]
     master = stack.enter_context(open_master_session(loaded.slave.listen))
     assert arrives(imaging, master) == [{len(PICTURE)}]
-
-
-def test_joining_without_a_slave_is_an_error() -> None:
-    with pytest.raises(NetworkError, match=r"cannot join tcp/127\.0\.0\.1"):
-        join(scenario(f"tcp/127.0.0.1:{free_port()}"))

@@ -87,30 +87,6 @@ def test_soak_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert png.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["soak", "--every", "10", "--leave-every", "10"], "--leave-every"),
-        (["soak", "--hours", "0.001"], "--every"),
-        (["stream", "target_hunting"], "this is a fleet (uuv1, uuv2, uuv3, uuv4), and a benchmark is of one vehicle"),
-        (["table", "--plot", "table.xyz"], "unknown picture format"),
-        (
-            ["table", "--connect", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"],
-            "slave.step: it is not passed to a slave",
-        ),
-        (["table", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
-        (["startup", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
-        (["stream", "nowhere"], "no scenario 'nowhere'"),
-        (["stream", "--connect", "tcp/127.0.0.1:1", "--cpus", "0"], "start that slave with its own options"),
-        (["stream", "--connect", "tcp/127.0.0.1:1", "--set", "seed=2"], "start that slave with its own options"),
-        (["load", "--rates", "50", "--set", "slave.step=0.02"], "sensor 'imu'"),
-    ],
-)
-def test_wrong_input_is_reported(arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", *arguments]) not in (0, 1)
-    assert text in capsys.readouterr().err
-
-
 def test_results_before_an_interrupt_are_reported(tmp_path: Path) -> None:
     words = ("bench", "table", "--seconds", "1", "--repeat", "99", "--output", str(tmp_path / "table.json"))
     with Program(tmp_path, *words, environment={"TMPDIR": str(tmp_path)}) as program:

@@ -1,7 +1,5 @@
 """The table of boards: its formats, its budgets, and one quick real run."""
 
-import csv
-import io
 import json
 import os
 import re
@@ -30,18 +28,7 @@ GOOD = {
     "delay_p99": Figure([1.0, 1.1, 1.2], "ms"),
     "slave_cpu": Figure([4.0, 4.1, 4.2], "% of a core"),
 }
-LIMITED = Column("lim", GOOD, "EPYC, 2 cores; 2026-11-22", ("virtual machine", "limited: processor 0 only"))
 BUDGETS = load_board("generic_x86_64").budgets
-
-
-def test_text_has_the_columns_of_the_paper() -> None:
-    text = board_table.text([*board_table.paper(), Column("mine", GOOD)])
-    rows = {line[:38].strip(): line[38:].split("  ") for line in text.splitlines()}
-    startup = [cell.strip() for cell in rows["start-up to the first sample (s)"] if cell.strip()]
-    assert startup == ["3.200", "3.600", "0.110 (0.020)"]
-    delay = [cell.strip() for cell in rows["command delay p50 (ms)"] if cell.strip()]
-    assert delay == ["2000.000", "1900.000", "0.600 (0.200)"]
-    assert [cell.strip() for cell in rows["command delay max (ms)"] if cell.strip()] == ["-", "-", "-"]
 
 
 def test_only_the_same_real_board_is_compared_with_the_paper() -> None:
@@ -54,27 +41,6 @@ def test_only_the_same_real_board_is_compared_with_the_paper() -> None:
     doubted = board_table.ratios(Column("mine", GOOD, warnings=("a clock",)), pi)
     assert "start-up" not in doubted
     assert "master CPU" in doubted
-
-
-def test_csv_has_a_line_for_each_figure() -> None:
-    rows = list(csv.DictReader(io.StringIO(board_table.comma_separated([Column("mine", GOOD)]))))
-    found = {row["figure"]: row for row in rows}
-    assert set(found) == set(GOOD)
-    assert (found["startup"]["median"], found["startup"]["runs"]) == ("0.11", "3")
-    assert found["memory_share"]["spread"] == ""
-
-
-def test_labels_and_warnings_are_in_every_format() -> None:
-    column = LIMITED._replace(warnings=("a clock is wrong",))
-    rows = list(csv.DictReader(io.StringIO(board_table.comma_separated([*board_table.paper(), column]))))
-    assert {row["labels"] for row in rows if row["column"] == "lim"} == {"virtual machine; limited: processor 0 only"}
-    assert {row["labels"] for row in rows if row["column"] != "lim"} == {""}
-    assert {row["figure"] for row in rows if row["warnings"]} == {"startup", "delay_p50", "delay_p99"}
-    (line,) = [line for line in board_table.markdown([column]).splitlines() if line.startswith("- lim: ")]
-    for words in ("EPYC, 2 cores", "label: virtual machine", "limited: processor 0 only", "WARNING: a clock is wrong"):
-        assert words in line
-    assert "0.600 (!) (0.200)" in board_table.text([column])
-    assert "18.1 (0.2)" in board_table.text([column])
 
 
 def test_a_column_has_the_labels_of_its_record() -> None:

@@ -5,7 +5,6 @@ from typing import Literal
 import pytest
 
 from hil.bench import delay_run
-from hil.bench.delay_report import text
 from hil.bench.delay_run import HOPS, Plan, Result, wire_ms
 from hil.client.delay import DelayMeter, find_doubts
 from hil.links.wires.faults import Faults
@@ -53,15 +52,6 @@ def test_a_clock_that_was_set_during_the_run_gives_a_warning() -> None:
 
 def test_a_run_without_answers_gives_a_warning() -> None:
     assert find_doubts(DelayMeter()) == ["no command was answered by the STM32"]
-
-
-def test_text_leaves_out_quantiles_of_too_few_commands() -> None:
-    result = some_result([0.7] * 200, warnings=["a clock"])
-    lines = text({"case": result}).splitlines()
-    assert lines[2].split() == ["case", "200/200", "0.700", "0.700", "0.700", "-", "0.700", "4.0"]
-    assert lines[6].split() == ["case", "0.050", "0.650", "0.060", "0.050"]
-    assert "0.100 (14%)" in text({"case": result})
-    assert lines[-1] == "WARNING, case: a clock"
 
 
 def test_the_time_on_the_line_follows_from_bits_and_baud() -> None:
@@ -112,17 +102,6 @@ def test_a_slave_on_another_machine_reports_its_line() -> None:
     for port in ("/dev/pts/3", "tcp://127.0.0.1:5760", "can:socketcan:can0"):
         assert wire_ms(paced, there(port), elsewhere=True) == 0.0
     assert wire_ms(paced, reported(), elsewhere=True) == 0.0
-
-
-def test_missing_figures_are_shown_as_missing() -> None:
-    """The floor is missing without an echo and without UDP replies; it is not 0."""
-    none = text({"case": some_result([0.7] * 20, udp=[], tcp=[])})
-    assert none.splitlines()[6].split() == ["case", "-", "-", "-", "-"]
-    assert "no floor" in none
-    assert "uuv-hil bench echo" in none
-    deaf = text({"case": some_result([0.7] * 20, udp=[])}).splitlines()[6].split()
-    assert deaf == ["case", "0.050", "0.650", "-", "0.050"]
-    assert "nan" not in text({"case": some_result([])})
 
 
 def doubts(result: Result, plan: Plan = Plan(), losses: int = 0, paced: bool = False) -> list[str]:

@@ -9,11 +9,8 @@ from threading import Timer
 import pytest
 
 from hil.bench.harness import Bench, Process
-from hil.bench.limits import Limits
-from hil.bench.load_run import Setting, run
 from hil.bench.soak_run import Soak, Soaking
 from hil.bench.stream_run import Listener, Listening
-from hil.common.errors import NetworkError
 
 KILL_S = 6.0  # after which a hanging slave is killed, as its end would take longer than the tests have
 
@@ -53,19 +50,6 @@ def stream(seconds: float, watch: Callable[[float], None] = lambda _: None) -> L
             return listener.listen(seconds, slave, watch)
 
 
-def at(share: float, number: int, victim: SlaveUnderTest) -> Callable[[float], None]:
-    """Return a watcher that sends the victim a signal when that share is done."""
-    return lambda done: victim.hit(number) if done >= share else None
-
-
-@pytest.mark.parametrize(
-    ("number", "text"), [(signal.SIGKILL, r"the slave was ended by signal 9"), (signal.SIGSTOP, "has not answered for")]
-)
-def test_stream_reports_a_slave_that_ends_or_hangs(number: int, text: str, victim: SlaveUnderTest) -> None:
-    with pytest.raises(NetworkError, match=text):
-        stream(3.0, at(0.4, number, victim))
-
-
 def test_stream_reports_an_interruption_and_its_missing_samples(victim: SlaveUnderTest) -> None:
     def watch(done: float) -> None:
         if done >= 0.2 and not victim.hangs:
@@ -76,11 +60,6 @@ def test_stream_reports_an_interruption_and_its_missing_samples(victim: SlaveUnd
     assert any("the vehicle was out of reach meanwhile (times: " in text for text in received.warnings)
     imu = next(each for each in received.streams if each.topic == "imu")
     assert imu.missing > 0.2
-
-
-def test_load_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
-    with pytest.raises(NetworkError, match="has not answered for"):
-        run(Setting("as it is", {}), "paper_field", 2.0, Limits(), at(0.5, signal.SIGSTOP, victim))
 
 
 def soak(victim: SlaveUnderTest, number: int, seconds: float, leave_every: float, stop_after_s: float = 60.0) -> Soak:
@@ -115,12 +94,6 @@ def test_soak_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
     assert soak_result.observations[-1].real_time_factor != soak_result.observations[-1].real_time_factor, (
         "nobody knows"
     )
-
-
-def test_soak_reports_a_slave_that_ends(victim: SlaveUnderTest) -> None:
-    found = soak(victim, signal.SIGKILL, 60.0, 60.0)
-    assert found.silences[-1].reason.startswith("the slave was ended by signal 9 (KILL)")
-    assert len(found.observations) >= 3
 
 
 @pytest.mark.parametrize("leave_every", [1.5, 60.0])

@@ -82,15 +82,6 @@ def test_a_planner_that_ends_is_named_and_all_others_are_ended(
         processes.fly(scenario, str(tmp_path), KillsThird(scenario))
 
 
-def test_a_slave_that_cannot_start_is_reported_with_the_reason(
-    scenario: Scenario, groups: list[ProcessGroup], tmp_path: Path
-) -> None:
-    file = Path(scenario.path)
-    file.write_text(file.read_text().replace('vehicle = "paper_seven"', 'vehicle = "paper_sevven"'))
-    with pytest.raises(NetworkError, match=r"slave_uuv\d ended with exit code 2: .* did you mean 'paper_seven'"):
-        processes.fly(scenario, str(tmp_path), HuntWatch(scenario))
-
-
 def test_ctrl_c_ends_all_processes(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with Program(tmp_path, "case", "target_hunting", "--hil", "--output", folder) as case:

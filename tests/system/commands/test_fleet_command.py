@@ -153,13 +153,6 @@ def test_down_retains_the_members_of_an_unreachable_host(command: Command, tmp_p
     assert not command.slaves()
 
 
-@pytest.mark.parametrize("place", ["uuv1", "uuv1=", "uuv9=pi", "uuv1=-oProxyCommand=x"])
-def test_an_invalid_host_option_is_refused(command: Command, place: str) -> None:
-    up = command.run("up", "--on", place)
-    assert up.returncode == 2
-    assert f"--on {place!r}" in up.stderr
-
-
 def test_another_process_with_the_recorded_number_is_not_signalled(command: Command) -> None:
     assert command.run("up").returncode == 0
     note = next(command.scenario.parent.glob("uuv-hil/fleets/*.json"))

@@ -10,7 +10,7 @@ import pytest
 
 from firmware_stub import build
 from firmware_stub.image import CHIPS, describe_image, image_path, load_image, parameters
-from hil.common.errors import ConfigError, DeviceError
+from hil.common.errors import DeviceError
 from hil.common.tables import parse_toml
 
 FLASH, SECTOR = 0x0800_0000, 16 * 1024
@@ -55,20 +55,6 @@ def test_the_description_of_the_image_matches_its_source_folder(chip: str, recip
     assert image.boards
     assert len(set(image.outputs)) == 8
     assert set(image.headers) <= {*image.outputs, *image.can.values()}
-
-
-def test_a_chip_without_an_image_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no image for the chip 'f042'; there are: f103, f405, f411, f446"):
-        load_image("f042")
-
-
-def test_a_damaged_description_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("firmware_stub.image.IMAGES", str(tmp_path))
-    (tmp_path / "uuv_hil_stm32f405.toml").write_text('chip = "STM32F405"\n')
-    with pytest.raises(
-        ConfigError, match=r"uuv_hil_stm32f405.bin: no valid description .*device_ids.*firmware_stub.build"
-    ):
-        load_image("f405")
 
 
 def test_parameters_are_encoded_as_the_board_reads_them() -> None:

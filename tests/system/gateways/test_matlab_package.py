@@ -9,7 +9,7 @@ import hil
 from hil.client.fleet import Fleet
 from hil.gateways.json_lines.server import JsonGateway
 from tests.support.clients.json_client import gateway, own_state, seeing_fleet, seeing_vehicle
-from tests.support.octave import needs_octave, run, run_octave, write_script
+from tests.support.octave import needs_octave, run, write_script
 from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 __all__ = ["gateway", "own_state", "seeing_fleet"]  # the fixtures
@@ -89,38 +89,6 @@ function attempt(what)
   end
 end
 """
-
-
-def test_errors_of_requests_name_the_thing_and_the_remedy(tmp_path: Path, gateway: JsonGateway, fleet: Fleet) -> None:
-    port = gateway.port
-    script = f"""{ATTEMPT}
-attempt(@() uuv.Gateway('127.0.0.1', {free_port()}));
-attempt(@() uuv.Gateway('127.0.0.1', {port}, 'wrong'));
-attempt(@() uuv.Vehicle('uvu1', uuv.Gateway('127.0.0.1', {port})));
-vehicle = uuv.Vehicle('uuv1', uuv.Gateway('127.0.0.1', {port}));
-attempt(@() vehicle.drive('surge', 1000));
-attempt(@() vehicle.get('sonarr'));
-setenv('XDG_STATE_HOME', '/nowhere');
-outsider = uuv.Vehicle('uuv1', uuv.Gateway('127.0.0.1', {port}));
-attempt(@() outsider.reset());
-vehicle.go_to(8, 8, 2);
-attempt(@() vehicle.wait(0));
-vehicle.gateway.close();
-attempt(@() vehicle.state());
-"""
-    expected = [
-        ("uuv:noGateway", "start it there: uuv-hil gateway json --connect"),
-        ("uuv:token", "not the token of this gateway; it makes a new one at each start"),
-        ("uuv:refused", "no vehicle 'uvu1' came within 5 s; there are: uuv1; did you mean 'uuv1'?"),
-        ("uuv:refused", "surge: 1000 is not between -20 and 20 m/s"),
-        ("uuv:refused", "no topic 'sonarr'"),
-        ("uuv:token", f"reset needs the token of the gateway at 127.0.0.1:{port}, which it showed when it started"),
-        ("uuv:late", "uuv1 has not come to what was commanded within 0 s; give it more time"),
-        ("uuv:lost", "connect again"),
-    ]
-    for line, (identifier, words) in zip(run_octave(tmp_path, script).splitlines(), expected, strict=True):
-        assert line.startswith(f"{identifier}|"), line
-        assert words in line
 
 
 def test_another_master_is_named_in_the_error(tmp_path: Path, gateway: JsonGateway, fleet: Fleet) -> None:

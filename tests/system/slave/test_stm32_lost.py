@@ -6,7 +6,6 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import psutil
@@ -204,13 +203,6 @@ def test_a_program_that_never_serves_is_ended(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(child, "START_S", 0.05)
     with pytest.raises(DeviceError, match="sleep: did not start"):
         Child(["sleep", "60"])
-
-
-def test_a_process_that_cannot_start_is_reported_with_the_reason(tmp_path: Path) -> None:
-    taken = tmp_path / "stm32"
-    taken.write_text("my thesis")
-    with pytest.raises(DeviceError, match=rf"^uuv-hil stm32: {taken}: exists and is not a link to a pty"):
-        open_driver("process", Link(port=f"pty:{taken}"), 6, True, 1, print)
 
 
 def test_an_stm32_process_is_started_with_quiet(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,8 +32,6 @@ HEAVY = Plant(
     INERTIA, (13.7, 0.0, 33.0, 0.0, 0.8, 0.0), (141.0, 217.0, 190.0, 1.2, 0.5, 1.5), 132.0, 131.0,
     center_of_buoyancy=(0.0, 0.0, -0.01),
 )  # fmt: skip
-# Without drag, weight and lift, so that only the control law acts.
-BARE = HEAVY._replace(linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6, weight=0.0, buoyancy=0.0)
 SLEWED = Gains()._replace(surge=AxisGains(p=4.0, i=6.0, limit=5.0, slew=2.0), yaw_rate=AxisGains(4.0, d=0.5, slew=50.0))
 
 
@@ -120,22 +118,6 @@ def test_the_model_load_equals_the_simulators_forces(name: str) -> None:
         assert plant.coriolis(nu) == pytest.approx([-x for x in forces.coriolis], abs=1e-9)
         assert plant.load(Navigation(attitude, nu[3:], nu[:3], 20.0), nu) == pytest.approx([-x for x in forces.total])
     assert matrix(attitude)[8] < 0.95
-
-
-# -- choice by name ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("family", "expected_text"),
-    [
-        ("cascad", "'cascad' is not one of cascade; did you mean 'cascade'"),
-        ("nowhere:Law", "nowhere cannot be imported"),
-        (3, "expected text"),
-    ],
-)
-def test_an_unknown_family_is_reported(family: str, expected_text: str) -> None:
-    with pytest.raises(ConfigError, match=expected_text):
-        make_controller(family, {}, Gains(), HEAVY, "vehicle.toml: control")
 
 
 def test_fin_vehicles_accept_the_cascade_only() -> None:

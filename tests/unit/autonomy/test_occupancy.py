@@ -232,13 +232,6 @@ def test_pipes_devices_and_oversized_files_are_refused(tmp_path: Any) -> None:
         OccupancyGrid.read("/dev/zero")
 
 
-def test_files_that_cannot_be_opened_are_reported(tmp_path: Any) -> None:
-    with pytest.raises(ConfigError, match=r"no\.yaml"):
-        OccupancyGrid.read(os.path.join(tmp_path, "no.yaml"))
-    with pytest.raises(ConfigError, match="cannot be written"):
-        grid_of(PICTURE).write_pgm(os.path.join(tmp_path, "no", "m.pgm"))
-
-
 def test_a_large_map_is_rasterised_in_strips_and_a_too_large_one_refused() -> None:
     """The map is made in pieces of no more than STRIP cells, in strips of two rows at least."""
     sizes: list[tuple[int, int]] = []

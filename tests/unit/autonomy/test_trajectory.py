@@ -282,29 +282,3 @@ def test_a_csv_waypoint_file_is_read(tmp_path: Any) -> None:
     assert waypoints.length == polyline(WAYPOINTS).length
     assert waypoints.at(0.0).position == WAYPOINTS[0]
     assert waypoints.at(waypoints.length).position == pytest.approx(WAYPOINTS[-1])
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("north,east\n1,2\n", r"way\.csv: line 1: name the columns north, east, depth; found north, east"),
-        ("north,east,depth\n1,2,3\n4,5\n", r"way\.csv: line 3: 3 numbers expected, found 2"),
-        ("north,east,depth\n1,2,deep\n", r"way\.csv: line 2: depth: expected a number and a unit"),
-        ("north,east,depth\n\n1,2,nan\n", r"way\.csv: line 3: depth: nan m is outside -1 to 11000 m"),
-        ("north,east,depth\n1,inf,3\n", r"way\.csv: line 2: east: inf m is outside"),
-        ("north,east,depth\n1,2,3\n", r"way\.csv: a path needs at least two different points"),
-        ("", r"way\.csv: a path needs at least two"),
-    ],
-)
-def test_a_wrong_csv_is_reported_by_its_line(text: str, message: str, tmp_path: Any) -> None:
-    with pytest.raises((ConfigError, MissionError), match=message):
-        read_waypoints(write(os.path.join(tmp_path, "way.csv"), text))
-
-
-def test_missing_and_binary_files_are_reported(tmp_path: Any) -> None:
-    with pytest.raises(ConfigError, match=r"none\.csv: no such file"):
-        read_waypoints(os.path.join(tmp_path, "none.csv"))
-    with open(os.path.join(tmp_path, "way.csv"), "wb") as file:
-        file.write(b"\xff\xfe\x00")
-    with pytest.raises(ConfigError, match=r"way\.csv: not a CSV file"):
-        read_waypoints(os.path.join(tmp_path, "way.csv"))

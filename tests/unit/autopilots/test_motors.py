@@ -31,17 +31,6 @@ def test_disarmed_thrusters_are_neutral_for_any_pulse_width() -> None:
     assert motors.update(Outputs((1700,) * 6, True, 0)) == ((1700,) * 6, True)
 
 
-def test_a_wrong_frame_is_reported_once() -> None:
-    """An ArduSub with six motors before a vehicle with eight leaves outputs 7 and 8 at 0 while others turn."""
-    reports: list[str] = []
-    motors = make(reports, "bluerov2_heavy")
-    for step in range(100):
-        motors.update(Outputs((1600, 1400, 1500, 1500, 1500, 1500, 0, 0), None, step * 100 * MS))
-    assert reports == [
-        "ArduPilot: wrong frame? motors 7, 8 have no output while others turn; this vehicle needs 'vectored_6dof'"
-    ]
-
-
 def test_missing_outputs_at_boot_are_not_reported_as_a_wrong_frame() -> None:
     reports: list[str] = []
     motors = make(reports)

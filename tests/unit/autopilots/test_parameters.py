@@ -77,12 +77,6 @@ def test_the_parameters_of_a_board_are_written_as_qgroundcontrol_and_px4s_shell_
     assert read_parameters(str(text)) == parameters
 
 
-def test_a_missing_parameter_file_is_reported() -> None:
-    vehicle, _ = load_vehicle("bluerov2")
-    with pytest.raises(ConfigError, match="no file 'bluerov3'; use one of ardupilot_bluerov2, "):
-        all_parameters(AutopilotSettings(parameters="bluerov3"), "ardupilot", vehicle, map_motors("auto", vehicle))
-
-
 @pytest.mark.parametrize(
     ("controller", "positions", "expected"),
     [

@@ -9,7 +9,7 @@ import pytest
 
 from hil.bench.table import hil_table as table
 from hil.client.client import Stamped
-from hil.client.delay import DelayMeter, quantiles
+from hil.client.delay import DelayMeter
 from hil.common.clock import boot_id
 from hil.master.flight import Outcome
 from hil.ros.diagnostics import Diagnostics
@@ -88,33 +88,6 @@ def test_the_table_is_rendered_as_text() -> None:
         "command delay": ["2.0 s", "1.9 s"],
     }
     assert "NO (python -m compileall)" in table.render(build(bytecode_compiled=False), "harbour")
-
-
-@pytest.mark.parametrize(
-    ("health", "added"),
-    [
-        ({"link_wire": "tcp"}, "a socket, which carries a frame of 22 bytes at once; a UART at 115200 baud would add"),
-        ({"link_wire": "uart", "link_port": "/dev/ttyUSB0"}, ""),
-        ({"link_wire": "rs485"}, ""),
-        ({"link_wire": "can"}, ""),
-        ({"link_held_baud": 9600}, ""),
-        ({"link_messages_out": 0}, ""),
-    ],
-)
-def test_the_delay_that_a_uart_would_add_is_stated_where_there_is_none(health: dict[str, Any], added: str) -> None:
-    """The measured delays already contain it on a wire that has, or is limited to, the speed of a UART."""
-    text = table.render(build(**health), "harbour")
-    assert ("would add" in text) == bool(added)
-    assert added in text
-
-
-def test_figures_that_were_not_measured_are_dashes() -> None:
-    before = build(opened_ns=2_000_000_000)
-    nothing = quantiles([])
-    text = table.render(before._replace(delay=nothing, hops=dict.fromkeys(before.hops, nothing)), "paper_field")
-    assert "nan" not in text
-    assert "p50 -, p99 -, max -" in text
-    assert re.search(r"start-up +3\.2 s +3\.6 s +- to the first sample", text)
 
 
 def test_a_slave_that_ran_before_has_no_startup_time() -> None:

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 import hil.commands
-from hil.cli import ALIASES, COMMANDS, FAMILIES, GROUPS, find_command, main, members
+from hil.cli import ALIASES, COMMANDS, find_command
 from hil.commands.completion import find_parser
-from hil.common.errors import EXIT_CODES
 from hil.common.options import subparsers
 
 FOLDER = Path(hil.commands.__file__).parent
@@ -42,8 +41,6 @@ WITHOUT_SET = {
     "uuv-hil fleet status": "shows what `up` has started",
     "uuv-hil fleet down": "stops what `up` has started",
 }
-
-ONE_WORD = re.compile(r"\s+(# )?('[^']*'|\S+)( \\)?")  # of a command or a remark
 
 
 def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -74,27 +71,6 @@ def test_a_former_name_runs_the_present_command_and_names_it(capsys: pytest.Capt
         assert capsys.readouterr().err == f"`uuv-hil {former}` is now `uuv-hil {present}`\n"
         assert (name, words) == find_command([*present.split(), "--listen", "0"])
         assert name in COMMANDS
-
-
-def test_each_family_lists_its_commands(capsys: pytest.CaptureFixture[str]) -> None:
-    for family in FAMILIES:
-        assert main(["help", family]) == 0
-        lines = capsys.readouterr().out.splitlines()
-        assert all(sum(line.startswith(f"  {name} ") for line in lines) == 1 for name in members(family))
-        assert max(map(len, lines)) <= 80
-        assert main([family, "nothing"]) == 2
-        assert f"no command '{family} nothing'; there are: {', '.join(members(family))}" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("width", [40, 60, 80])
-def test_help_fits_a_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only one word of an example, which a shell reads as one, may be longer than a line."""
-    monkeypatch.setenv("COLUMNS", str(width))
-    for parser in ALL_PARSERS:
-        text = parser.format_help()
-        long = [line for line in text.splitlines() if len(line) > width]
-        assert [line for line in long if width > 40 or not ONE_WORD.fullmatch(line)] == [], parser.prog
-        assert " ".join(text.split()).endswith(" ".join(EXIT_CODES.split())), "the exit codes are in every help"
 
 
 def test_every_help_has_a_purpose_and_its_examples() -> None:
@@ -187,12 +163,3 @@ def test_every_command_that_reads_a_scenario_offers_set() -> None:
         assert not (positional and "--scenario" in options(parser)), (
             f"{parser.prog}: a scenario can be named by two arguments"
         )
-
-
-def test_the_help_lists_each_command_once(capsys: pytest.CaptureFixture[str]) -> None:
-    first_words = {name.split()[0] for name in COMMANDS}
-    assert sorted(name for names in GROUPS.values() for name in names) == sorted(first_words)
-    assert main([]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert all(sum(line.startswith(f"  {name} ") for line in lines) == 1 for name in first_words)
-    assert max(map(len, lines)) <= 80

@@ -1,12 +1,10 @@
 """`uuv-hil link frame`: byte tables, transmission times, and bytes decoded field by field."""
 
 import io
-from pathlib import Path
 
 import pytest
 
 from hil.commands import frame
-from hil.common.errors import ConfigError
 from hil.common.schema import find_preset, preset_names
 from hil.links.contract import ThrusterCommand
 from hil.links.frame.check import split_bytes
@@ -104,19 +102,3 @@ def test_every_byte_belongs_to_exactly_one_part(name: str) -> None:
     assert received == open_frame_protocol(name).feed(data)
     assert len(received) == 3
     assert "damaged" in {piece.kind for piece in pieces}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "messages"),
-    [
-        (["check", "aa56"], ["no frame 'aa56'", "did you mean 'aa55'"]),
-        (["check", "nowhere.toml"], ["nowhere.toml", "no such file"]),
-        (["check", "aa55", "AA 5G"], ["HEX", "'5G'", "pairs"]),
-        (["check", "aa55", "--thrusters", "17"], ["--thrusters", "1 to 16", "'17'"]),
-        (["check", "aa55", "--rate", "0"], ["--rate"]),
-    ],
-)
-def test_wrong_arguments_are_reported(arguments: list[str], messages: list[str], tmp_path: Path) -> None:
-    with pytest.raises(ConfigError) as caught:
-        frame.main(arguments)
-    assert all(word in str(caught.value) for word in messages), caught.value

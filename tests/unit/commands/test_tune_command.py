@@ -35,30 +35,3 @@ def test_tune_prints_a_table_and_writes_a_vehicle_file_and_a_picture(
     assert new.surge == before.surge
     code, out, _ = run(capsys, output, "--axis", "surge")  # the vehicle can be flown
     assert code == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "expected_text"),
-    [
-        ((), 2, "the following arguments are required: VEHICLE"),
-        (("paper_sx",), 2, "no vehicle 'paper_sx'; did you mean 'paper_six'?"),
-        (("paper_six", "--axis", "pitch"), 2, "paper_six: its thrusters do not drive pitch"),
-        (("lauv", "--axis", "sway"), 2, "lauv: its thrusters and fins do not drive sway"),
-        (("paper_six", "-o", "gains.txt"), 2, "--output 'gains.txt': a vehicle's file ends in .toml"),
-        (("paper_six", "--axis", "yaw", "-o", "/proc/nowhere/x.toml"), 2, "/proc/nowhere/x.toml: cannot be written"),
-    ],
-)
-def test_wrong_arguments_are_refused(
-    arguments: tuple[str, ...], code: int, expected_text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    found, _, err = run(capsys, *arguments)
-    assert found == code
-    assert expected_text in err
-    assert "Traceback" not in err
-
-
-def test_a_scenario_in_place_of_a_vehicle_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text('vehicle = "paper_six"\nworld = "pool"\n')
-    code, _, err = run(capsys, path)
-    assert (code, err) == (2, f"uuv-hil tune: {path}: is a scenario, not a vehicle; its vehicle is 'paper_six'\n")

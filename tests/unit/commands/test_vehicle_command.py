@@ -6,8 +6,6 @@ from pathlib import Path
 import pytest
 
 from hil.cli import main
-from hil.commands.vehicle.command import top
-from hil.common.schema import preset_names
 from sim.vehicle.vehicle import load_vehicle
 
 VECTORS = Path(__file__).parents[2] / "vectors"
@@ -17,27 +15,6 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, 
     code = main(["vehicle", *arguments])
     captured = capsys.readouterr()
     return code, captured.out, captured.err
-
-
-def test_without_arguments_every_preset_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = run(capsys)
-    assert code == 0
-    names = [line.split()[0] for line in out.splitlines()[1:] if line.startswith("  ") and line[2] != " "]
-    assert names == preset_names("sim/vehicles")
-    assert max(map(len, out.splitlines())) <= 80
-    assert "pitch" in next(line for line in out.splitlines() if "paper_six" in line)
-
-
-@pytest.mark.parametrize("name", preset_names("sim/vehicles"))
-def test_a_preset_is_printed_as_text(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = run(capsys, name)
-    vehicle, _ = load_vehicle(name)
-    assert code == 0
-    assert f"source: {vehicle.source} " in " ".join(out.split()), "wrapped to the terminal"
-    assert all(channel in out for channel in vehicle.channels)
-    assert f"{top(vehicle)[0].speed[0]:.3f} m/s" in out
-    idle = [reach.axis for reach in top(vehicle) if not reach.driven]
-    assert (f"cannot be driven alone: {', '.join(idle)}\n" in out) == bool(idle)
 
 
 def test_json_output_has_the_same_figures(capsys: pytest.CaptureFixture[str]) -> None:

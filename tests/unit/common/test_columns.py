@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.common.columns import GAP, MIN_WIDTH, aligned, fit_to_terminal, shorten_status
+from hil.common.columns import GAP, MIN_WIDTH, aligned, fit_to_terminal
 
 CELL = st.text(st.characters(categories=("L", "N"), include_characters=" /_-."), max_size=90)
 TABLES = st.integers(1, 6).flatmap(lambda n: st.lists(st.lists(CELL, min_size=n, max_size=n), min_size=1, max_size=5))
@@ -17,12 +17,6 @@ def test_no_line_exceeds_the_terminal_and_no_character_is_lost(rows: list[list[s
     assert sorted("".join(map("".join, rows)).replace(" ", "")) == sorted("".join(lines).replace(" ", ""))
 
 
-@pytest.mark.parametrize(("columns", "longest"), [("40", 40), ("200", 100)])
-def test_the_width_is_that_of_the_terminal(columns: str, longest: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", columns)
-    assert max(map(len, aligned([("word " * 20,)]))) == pytest.approx(longest, abs=6)
-
-
 def test_lines_are_wrapped_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "30")
     text = "delay by hop: network 0.314 ms, wake-up 0.081 ms\n\nloop: 400 Hz"
@@ -31,18 +25,3 @@ def test_lines_are_wrapped_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -
     assert fit_to_terminal(text).split("\n") == [
         "delay by hop: network 0.314", "    ms, wake-up 0.081 ms", "", "loop: 400 Hz",
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("columns", "text"),
-    [
-        ("80", "  16.2 s   17%  N   5.8  delay 0.60 ms"),
-        ("39", "  16.2 s   17%  N   5.8  delay 0.60 ms"),
-        ("38", "  16.2 s   17%  N   5.8"),
-        ("12", "  16.2 s"),
-        ("2", "  16.2 s"),
-    ],
-)
-def test_a_status_line_is_shorter_than_the_terminal(monkeypatch: pytest.MonkeyPatch, columns: str, text: str) -> None:
-    monkeypatch.setenv("COLUMNS", columns)
-    assert shorten_status("  16.2 s   17%  N   5.8  delay 0.60 ms") == text

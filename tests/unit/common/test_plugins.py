@@ -2,7 +2,6 @@
 
 import re
 import threading
-from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,15 +14,6 @@ from hil.common.plugins import load_class, refusing
 
 class Contract(Protocol):
     def begin(self) -> None: ...
-
-
-class Base(ABC):
-    @abstractmethod
-    def command(self) -> None: ...
-
-
-class Incomplete(Base):
-    """Derives from its contract, without the method that it has to define."""
 
 
 class Good:
@@ -47,15 +37,6 @@ def test_a_class_that_does_not_follow_the_contract_is_never_called(tmp_path: Pat
     with pytest.raises(ConfigError, match=rf"mine\.toml: force: {name} .*{message}"):
         load(name, **{key: ["touch", str(trace)]})
     assert not trace.exists()
-
-
-@pytest.mark.parametrize(
-    ("kind", "message"),
-    [("Incomplete", r"has no method 'command' \(see"), ("Good", r"has no method 'command' \(derive it from Base of")],
-)
-def test_a_class_without_an_abstract_method_is_reported_with_the_remedy(kind: str, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        load_class({"class": f"{__name__}:{kind}"}, Base, "mine.toml: planner", "planners")
 
 
 def test_nothing_is_imported_while_loading_is_refused() -> None:
@@ -92,11 +73,6 @@ def test_a_module_that_fails_to_load_is_reported_with_the_cause(
     with pytest.raises(ConfigError, match=re.escape(message)) as error:
         load("unloadable:Class")
     assert "PYTHONPATH" not in str(error.value)
-
-
-def test_a_missing_module_is_reported_with_the_search_path() -> None:
-    with pytest.raises(ConfigError, match="'nowhere_at_all'; it has to be in the current folder or on PYTHONPATH"):
-        load("nowhere_at_all:Class")
 
 
 def test_an_error_while_a_module_loads_is_attributed_to_that_module(

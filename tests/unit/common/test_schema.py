@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import pytest
 
 from hil.common.errors import SHOWN, ConfigError
-from hil.common.schema import Range, find_preset, load, parse
+from hil.common.schema import Range, load, parse
 
 
 class Link(NamedTuple):
@@ -118,13 +118,6 @@ def test_very_many_mistakes_are_counted() -> None:
     assert lines[-2:] == [f"thing.toml: links[{SHOWN - 1}]: baud: 1 is outside 1200 to 1.2e+07", "and 12 more"]
 
 
-def test_the_nearest_of_many_keys_are_listed() -> None:
-    fields = [(f"{word}_{side}", float) for word in ("gain", "limit", "slope", "delay", "offset") for side in "abcdef"]
-    many = NamedTuple("many", fields)  # type: ignore[misc]
-    with pytest.raises(ConfigError, match=r"no key 'zz'; the nearest are: (\w+, ){4}\w+$"):
-        parse({"zz": 1.0, **{key: 1.0 for key, _ in fields}}, many, "x")
-
-
 def test_unreadable_files_are_reported(tmp_path: Path) -> None:
     broken = tmp_path / "broken.toml"
     broken.write_text("name = \n")
@@ -139,8 +132,3 @@ def test_unreadable_files_are_reported(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match=message) as caught:
             load(str(path), Thing)
         assert str(path) in str(caught.value)
-
-
-def test_presets_are_listed_when_one_is_missing() -> None:
-    with pytest.raises(ConfigError, match=r"jetson_nono.*did you mean 'jetson_nano'.*raspberry_pi_4b"):
-        find_preset("boards", "jetson_nono")

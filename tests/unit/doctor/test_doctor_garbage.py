@@ -105,13 +105,6 @@ def test_incomplete_can_details_are_reported_as_far_as_known(board: Path, detail
     assert all(part in text for part, text in zip(texts, found, strict=True))
 
 
-@pytest.mark.parametrize("output", ["", "Power save: perhaps", "odd"])
-def test_unreadable_wlan_power_saving_is_reported_as_undetermined(board: Path, output: str) -> None:
-    plant(board, "commands/iw_dev_wlan0_get_power_save", output)
-    (found, _) = [row for row in examine(Tree(str(board))) if row.topic == "wlan"]
-    assert (found.level, found.text) == ("note", "wlan0: power saving cannot be determined")
-
-
 # Parts that readers search for, and unexpected parts next to them.
 PIECES = [
     "\n", " ", ":", "=", "\t", "\0", "0x", "-1", "0A", "ff", "1e999", "nan", "9" * 400, "²", "é", "\ud800", "\x1b[2J",

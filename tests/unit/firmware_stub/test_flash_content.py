@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from firmware_stub.flash import dfu
-from firmware_stub.flash.content import choose_image, load_content, wiring
+from firmware_stub.flash.content import choose_image, load_content
 from firmware_stub.image import CHIPS, load_image, parameters
 from hil.common.errors import ConfigError, DeviceError
 
@@ -51,15 +51,6 @@ def test_the_chips_number_selects_the_image(chip: str) -> None:
 def test_a_chip_that_does_not_match_is_refused_with_its_name(device_id: int, chip: str | None, refusal: str) -> None:
     with pytest.raises(ConfigError, match=refusal):
         choose_image(device_id, chip)
-
-
-@pytest.mark.parametrize("chip", CHIPS)
-def test_the_wiring_text_names_every_pin(chip: str) -> None:
-    image, text = load_image(chip), wiring(load_image(chip))
-    for pin in (*image.outputs, image.serial["tx"], image.serial["rx"]):
-        assert f" {pin} " in text
-    assert ("no CAN: the chip has no controller for it" in text) == (chip == "f411")
-    assert ("CAN TX" in text) == (chip != "f411")
 
 
 def test_parameters_are_written_after_the_image() -> None:

@@ -59,11 +59,6 @@ def test_the_image_drives_as_many_thrusters_as_configured(chip: str, channels: i
     assert decode(board.transmitted())[0].pwm_us == pulses
 
 
-def test_more_thrusters_than_outputs_are_refused() -> None:
-    with pytest.raises(DeviceError, match="1 to 8 thrusters, not 9"):
-        power_up("f405", 9)
-
-
 @pytest.mark.parametrize("watchdog_ms", [50, 1000])
 def test_a_timeout_stops_the_thrusters_in_the_timer_registers(chip: str, watchdog_ms: int) -> None:
     board = power_up(chip, 6, watchdog_ms * MS)

@@ -4,12 +4,11 @@ Each snippet is the machine code of the assembly beside it.
 """
 
 import struct
-import sys
 
 import pytest
 
 from firmware_stub.unicorn_board import UnicornBoard
-from hil.common.errors import DeviceError, MissingExtraError
+from hil.common.errors import DeviceError
 
 MS = 1_000_000
 RAM, STACK_TOP, CODE = 0x2000_0000, 0x2002_0000, 0x0800_0400
@@ -200,9 +199,3 @@ def test_a_fault_is_reported_with_its_kind_and_address(code: str) -> None:
     assert message.startswith("the emulated STM32 ")
     assert all(part in message for part in FAULTS[code]), message
     assert "\n" not in message
-
-
-def test_without_unicorn_the_error_names_the_package_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "unicorn", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[unicorn\]'"):
-        board(SPIN)

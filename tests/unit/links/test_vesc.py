@@ -8,7 +8,6 @@ from typing import Any, cast
 import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
-from hil.common.errors import ConfigError
 from hil.links.can_thrusters import MotorValues
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.vesc.device import VescDevice
@@ -249,24 +248,6 @@ def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
     assert received[-1] == ThrusterTelemetry(22, False, False, NEUTRAL, 0, 22, 0, 1)
     for link in (master, end.link):
         assert (link.counters.malformed, link.counters.dropped_bytes) == (0, 0)
-
-
-@pytest.mark.parametrize(
-    ("channels", "settings", "message"),
-    [
-        (17, {}, "1 to 16 thrusters"),
-        (6, {"first_id": 250}, "no room"),
-        (6, {"command": "dutty"}, "duty"),
-        (6, {"status_period": 0}, "status_period"),
-        (6, {"id": 3}, "id"),
-    ],
-)
-@pytest.mark.parametrize("role", ["host", "device"])
-def test_wrong_settings_are_refused_with_a_reason(
-    role: Any, channels: int, settings: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(ConfigError, match=message):
-        open_vesc(role, channels, **settings)
 
 
 def test_the_tachometer_wraps_around() -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from hil.commands.vehicle.import_urdf import to_toml
-from hil.common.errors import ConfigError
 from hil.plots import vehicle_picture
 from hil.plots.stl import read_stl
 from sim.rotations import from_euler, rotate
@@ -33,15 +32,6 @@ def test_binary_and_text_files_have_the_same_triangles(data: bytes, tmp_path: Pa
     path = tmp_path / "a.stl"
     path.write_bytes(data)
     assert read_stl(str(path)).tolist() == [[list(corner) for corner in triangle] for triangle in CORNERS]
-
-
-def test_invalid_and_missing_files_are_reported(tmp_path: Path) -> None:
-    path = tmp_path / "a.stl"
-    path.write_bytes(text().replace(b"vertex 1.0 0.0 0.0", b"vertex 1.0 0.0", 1))
-    with pytest.raises(ConfigError, match=r"a\.stl: is not an STL file"):
-        read_stl(str(path))
-    with pytest.raises(ConfigError, match="no such file"):
-        read_stl(str(tmp_path / "b.stl"))
 
 
 def test_a_mesh_is_imported_with_its_urdf(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from hil.cli import main
 from hil.doctor.findings import User
 from hil.doctor.software import check_start
 from hil.scenario.attitude_warning import attitude_warning
@@ -53,13 +52,6 @@ def test_a_hunt_is_checked_by_the_top_speed_of_its_fields(tmp_path: Path) -> Non
     warning = attitude_warning(scenario._replace(vehicle=TIPPING, hunting=quick))
     assert warning is not None
     assert "hunting: fields: max_speed: 0.9 m/s" in warning
-
-
-def test_sim_warns_and_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["sim", scenario_file(tmp_path, TIPPING, 0.8), "--fast"])
-    assert capsys.readouterr().err.startswith("WARNING: ")
-    main(["sim", scenario_file(tmp_path, "bluerov2_heavy", 0.8), "--fast"])
-    assert "WARNING" not in capsys.readouterr().err
 
 
 def test_doctor_reports_it_as_a_note(tmp_path: Path) -> None:

@@ -112,21 +112,6 @@ def test_echoes_of_a_second_scanning_sonar_have_their_own_noise() -> None:
     assert echoes[0].intensities != echoes[1].intensities
 
 
-@pytest.mark.parametrize(("sections", "message"), [
-    ({"camera_down": {}}, r'no sensor .camera_down.*needs sensor = "KIND"'),
-    ({"down": {"sensor": "kamera"}}, "down: sensor: no 'kamera'.*camera"),
-    ({"imu": {"sensor": "camera"}}, "imu: sensor: 'imu' is the name of another kind"),
-    ({"odom_2": {"sensor": "odometry"}}, "a vehicle has one odometry"),
-    ({"down": {"sensor": "camera", "widht": 3}}, "down: no key 'widht'.*width"),
-    ({"no-name": {"sensor": "camera"}}, "letters, digits and _"),
-    ({"camera": {"down": {"width": 3}}}, r'camera: no key .down.*\[sensors.camera_down\] with sensor = "camera"'),
-    ({"camera": [{"width": 3}]}, r'\[sensors.camera_2\] with sensor = "camera"'),
-])  # fmt: skip
-def test_wrong_sensor_sections_are_reported(sections: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        read_sensors(sections, "sensors")
-
-
 @pytest.mark.parametrize(("sections", "topic"), [
     ({"motors": {"sensor": "camera"}}, "motors"),
     ({"altitude": {"sensor": "imu"}}, "altitude"),

@@ -222,8 +222,3 @@ def test_only_the_old_gains_are_replaced_in_a_file(old: str, tmp_path: Any) -> N
     assert "# left" in text
     assert "# old gains" not in text
     assert "# new" in text
-
-
-def test_gains_in_another_form_are_refused() -> None:
-    with pytest.raises(ConfigError, match=r"mine\.toml: its gains are outside the \[control\] table"):
-        with_gains("control = { surge = { p = 1.0 } }\n", GAINS, "new", "mine.toml")

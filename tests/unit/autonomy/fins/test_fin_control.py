@@ -8,7 +8,6 @@ import pytest
 from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
 from hil.autonomy.control.fin_control import FinAllocator, FinController, FinGains
 from hil.cases import simulated
-from hil.common.errors import ConfigError
 from hil.master.flight import prepare
 from hil.scenario.config import build_simulation, load_scenario
 from hil.slave.pilot import Pilot, build_pilot
@@ -122,13 +121,6 @@ def test_idle_channels_are_neutral_and_drop_weights_are_not_released() -> None:
     stopped, _ = pilot.update(simulation.time_ns + 10**9, 0.02)  # the deadman
     assert stopped.pwm_us == (1500,) * 5
     assert simulation.vehicle.mass == load_vehicle("tethys")[0].mass
-
-
-def test_a_wrong_gain_is_reported() -> None:
-    scenario = load_scenario("open_water")
-    vehicle, control = load_vehicle("remus100")
-    with pytest.raises(ConfigError, match=r"remus100: control: fins: no key 'pich_limit'; did you mean 'pitch_limit'"):
-        build_pilot(scenario, vehicle, {**control, "fins": {"pich_limit": 0.1}}, OPEN)
 
 
 @pytest.mark.parametrize("name", ["lauv"])

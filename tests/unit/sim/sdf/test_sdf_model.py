@@ -201,34 +201,6 @@ def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:
         assert vehicle.center_of_gravity[0] == pytest.approx(0.5 * (1.0 - 0.65 * 0.5 / 20.5))
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ('<sdf><model name="m"/></sdf>', "the model 'm' has no links"),
-        ("<sdf/>", "there is no model in it"),
-        ("<sdf><%= 3 %></sdf>", "a template of ERB or Jinja is to be expanded first"),
-        ("<robot/>", "an SDF file begins with <sdf>, this one with <robot>"),
-        ('<!DOCTYPE r [<!ENTITY a "ha">]><sdf><model name="&a;"/></sdf>', "declares the XML entity 'a'"),
-        (f"<sdf>{'<a>' * 70}{'</a>' * 70}</sdf>", "more than 64 deep"),
-        ('<sdf><model name="m"><link name="a"><pose>1 2 x</pose></link></model></sdf>', "expected a number, found 'x'"),
-        (
-            '<sdf><model name="m"><link name="a"><pose relative_to="b"/></link></model></sdf>',
-            "relative to 'b', which is not there",
-        ),
-        (
-            '<sdf><model name="m"><link name="a"><pose relative_to="b">0 0 0 0 0 0</pose></link>'
-            '<frame name="b" attached_to="a"/></model></sdf>',
-            "placed relative to itself",
-        ),
-    ],
-)
-def test_wrong_files_are_reported(text: str, message: str, tmp_path: Path) -> None:
-    path = tmp_path / "m.sdf"
-    with pytest.raises(ConfigError, match=r"m\.sdf") as caught:
-        imported(path, text)
-    assert message in str(caught.value)
-
-
 def test_a_model_that_includes_itself_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "worm"
     folder.mkdir()
