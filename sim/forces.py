@@ -26,7 +26,7 @@ class Force(Protocol):
     """
 
     def begin(self, time_ns: int) -> None:
-        """Prepare for the step that begins at `time_ns`, in ns of simulation time."""
+        """Prepare for the step that begins at `time_ns`, in ns of simulation time; here there is nothing to do."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the wrench on a vehicle at `position` (m, NED), attitude `rotation` (body to world, 9 numbers).
@@ -40,6 +40,19 @@ class Twin(Protocol):
 
     def begin(self, time: float, /) -> None:
         """Set the time, in s."""
+
+
+class TimedForce(Force, Protocol):
+    """A force that changes with time, which is `_time` s in a step; `twin` is its C twin, if there is one."""
+
+    twin: Twin | None = None
+    _time = 0.0
+
+    def begin(self, time_ns: int) -> None:
+        """Set the time for the next step."""
+        self._time = time_ns * 1e-9
+        if self.twin is not None:
+            self.twin.begin(self._time)
 
 
 def buoyancy_wrench(buoyancy: Buoyancy, rotation: Rotation) -> tuple[float, float, float, float, float, float]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.world import World
-from sim.forces import Force, Twin, Wrench, buoyancy_wrench
+from sim.forces import Force, TimedForce, Wrench, buoyancy_wrench
 from sim.matrices import square
 from sim.rotations import Rotation
 from sim.vehicle.buoyancy import Hull
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sim.environment.waves import WaterMotion, WaveField
 
 
-class Stratified:
+class Stratified(Force):
     """The force of density layers: (rho(depth) / rho0 - 1) times the hull's buoyancy, rho0 being the world's density.
 
     `depth` is that of the centre of buoyancy. Not modelled: compression of the hull by the pressure.
@@ -25,9 +25,6 @@ class Stratified:
         self._hull = hull
         self._column = column
         self._density = density
-
-    def begin(self, time_ns: int) -> None:
-        """Do nothing: layers do not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the additional buoyancy (N, N m, body axes about the origin)."""
@@ -40,7 +37,7 @@ class Stratified:
         return buoyancy_wrench((share * force, share * x, share * y, share * z), rotation)
 
 
-class WavySurface:
+class WavySurface(TimedForce):
     """The force of waves on a hull besides that of the accelerating water at its middle, which FluidMotion adds.
 
     At the surface: the lift is that under the plane that the waves make of the surface over the hull, less that under
@@ -56,7 +53,6 @@ class WavySurface:
     def __init__(self, vehicle: Vehicle, hull: Hull, wave_field: "WaveField", gravity: float) -> None:
         self._hull = hull
         self.wave_field = wave_field
-        self.twin: Twin | None = None  # the C twin, if there is one; `begin` sets its time, too
         # m: from this depth on there is no difference of lift.
         self._calm_depth = wave_field.max_elevation + (1.0 + wave_field.max_slope) * hull.reach
         self._gravity = gravity
@@ -70,13 +66,6 @@ class WavySurface:
         self._added, self._linear, self._quadratic = (
             [rows[i][i] for i in (3, 4, 5)] for rows in (added, linear, quadratic)
         )
-        self._time = 0.0
-
-    def begin(self, time_ns: int) -> None:
-        """Set the time of the waves for the next step."""
-        self._time = time_ns * 1e-9
-        if self.twin is not None:
-            self.twin.begin(self._time)
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the additional force (N, N m, body axes about the origin)."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from hil.common.schema import Range
 from sim.environment.ocean import Angle
-from sim.forces import Twin, Wrench
+from sim.forces import TimedForce, Wrench
 from sim.rotations import Rotation
 from sim.vehicle.hull_form import Windage
 from sim.vehicle.vehicle import Vehicle
@@ -46,7 +46,7 @@ class Wind(NamedTuple):
     components: Annotated[int, Range(1, 200)] = 20
 
 
-class WindForce:
+class WindForce(TimedForce):
     """The force of `wind` on `vehicle`; `seed` is the scenario's."""
 
     over_ground = True  # `wrench` gets the velocity over ground
@@ -63,14 +63,6 @@ class WindForce:
         self._speed = wind.speed * (0.5 * windage.height / _REFERENCE_HEIGHT) ** _SHEAR
         self._gusts = _gusts(wind, self._speed, Random(f"{seed}/wind"))
         self.wave_field = wave_field
-        self.twin: Twin | None = None  # the C twin, if there is one; `begin` sets its time, too
-        self._time = 0.0
-
-    def begin(self, time_ns: int) -> None:
-        """Set the time of the gusts for the next step."""
-        self._time = time_ns * 1e-9
-        if self.twin is not None:
-            self.twin.begin(self._time)
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the force (N, N m, body axes about the origin) at `nu_r`, here over ground."""

@@ -55,6 +55,6 @@ def _make_twin(force: Any, kind: type[Twin]) -> Twin:
     twin: Twin = make(KINDS.index(_kind(force)), *packed, wave_field and wave_field.twin)
     if servos is not None:
         attributes["servos"] = twin
-    if "twin" in attributes:
+    if hasattr(force, "twin"):
         attributes["twin"] = twin
     return twin

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.forces import Wrench, buoyancy_wrench
+from sim.forces import Force, Wrench, buoyancy_wrench
 from sim.rotations import Rotation
 from sim.vehicle.servos import Servos
 from sim.vehicle.thrusters.model import PULSE_MAX_US, Point, Pulse, is_pulse
@@ -50,7 +50,7 @@ class BuoyancyEngine(NamedTuple):
         return self.neutral_volume + share * (self.min_volume - self.neutral_volume)
 
 
-class Bladder:
+class Bladder(Force):
     """The force of a buoyancy engine in water of `specific_weight` (N/m³), stepped every `dt` s."""
 
     def __init__(self, engine: BuoyancyEngine, specific_weight: float, dt: float) -> None:
@@ -74,9 +74,6 @@ class Bladder:
         if pwm_us != self._pwm_us:
             self.servos.set_targets([self._engine.volume(pwm_us) if is_pulse(pwm_us) else self.volume])
             self._pwm_us = pwm_us
-
-    def begin(self, time_ns: int) -> None:
-        """Do nothing: only the volume changes with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the buoyancy beyond that of the neutral volume (N, N m, body axes about the origin)."""

@@ -5,7 +5,7 @@ from math import atan2, exp, sqrt
 from typing import Annotated, Literal, NamedTuple
 
 from hil.common.schema import Range
-from sim.forces import Wrench
+from sim.forces import Force, Wrench
 from sim.interpolation import PiecewiseLinear, validate_columns
 from sim.matrices import Matrix, square, times
 from sim.rotations import Rotation
@@ -49,7 +49,7 @@ class Lift(NamedTuple):
         return Polar(slope, self.stall_angle, self.stall_width, self.parasitic_drag, induced, 0.0)
 
 
-class HullLift:
+class HullLift(Force):
     """The force of a `Lift` on a hull in water of `density` kg/m³."""
 
     def __init__(self, lift: Lift, density: float) -> None:
@@ -57,9 +57,6 @@ class HullLift:
         self._scale = 0.5 * density * lift.area
         self._vertical = lift.plane == "vertical"
         self._position = lift.position
-
-    def begin(self, time_ns: int) -> None:
-        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return lift and drag (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""
@@ -108,7 +105,7 @@ class CrossFlow(NamedTuple):
         return validate_columns("speed", self.speed, drag=self.drag) if self.drag else "drag: give one for each speed"
 
 
-class CrossFlowDrag:
+class CrossFlowDrag(Force):
     """The force of a `CrossFlow` on a hull of `dimensions` m in water of `density` kg/m³."""
 
     def __init__(self, flow: CrossFlow, dimensions: Sequence[float], density: float) -> None:
@@ -119,9 +116,6 @@ class CrossFlowDrag:
         self._drag = PiecewiseLinear(flow.speed or (0.0,), flow.drag)
         self._sway_scale = 0.5 * density * strip * (flow.height or height)
         self._heave_scale = 0.5 * density * strip * (flow.width or width)
-
-    def begin(self, time_ns: int) -> None:
-        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the drag of all strips (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""
@@ -145,7 +139,7 @@ class CrossFlowDrag:
         return [self._sway_scale, self._heave_scale, *self._stations, *self._drag.numbers()]
 
 
-class SpeedDamping:
+class SpeedDamping(Force):
     """Damping in proportion to the forward speed: the force is -|u| D nu_r, with D of 6 or 36 numbers.
 
     D holds the derivatives that the literature writes as Y_uv, N_uv, Y_ur ...: lift of hull and fins at small angles.
@@ -153,9 +147,6 @@ class SpeedDamping:
 
     def __init__(self, values: Sequence[float]) -> None:
         self._matrix: Matrix = square(values, 6)
-
-    def begin(self, time_ns: int) -> None:
-        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the damping (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""
@@ -180,14 +171,11 @@ class FadingDamping(NamedTuple):
     exponent: Annotated[float, Range(0.1, 4.0)] = 1.0
 
 
-class SlowDamping:
+class SlowDamping(Force):
     """The force of a `FadingDamping`."""
 
     def __init__(self, fading: FadingDamping) -> None:
         self._fading = fading
-
-    def begin(self, time_ns: int) -> None:
-        """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the damping (N, N m, body axes) at `nu_r` (m/s, rad/s) through the water."""

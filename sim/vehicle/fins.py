@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import cross, unit
-from sim.forces import Wrench
+from sim.forces import Force, Wrench
 from sim.matrices import Matrix
 from sim.rotations import Rotation
 from sim.vehicle.servos import ServoSet
@@ -141,7 +141,7 @@ def slope_and_induced(
     return slope, induced
 
 
-class FinSet(ServoSet):
+class FinSet(ServoSet, Force):
     """All fins of a vehicle in water of `density` kg/m³; their servos start at 0 rad and step every `dt` s."""
 
     def __init__(self, fins: Sequence[Fin], density: float, dt: float) -> None:
@@ -149,9 +149,6 @@ class FinSet(ServoSet):
         self._surfaces = [
             (*fin.position, *fin.frame, 0.5 * density * fin.area, fin.straightening, fin.polar) for fin in fins
         ]
-
-    def begin(self, time_ns: int) -> None:
-        """Do nothing: only the angles change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the sum of all fins (N, N m, body axes about the origin) at `nu_r` (m/s, rad/s) through the water."""

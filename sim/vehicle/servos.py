@@ -9,16 +9,16 @@ from sim.vehicle.thrusters.model import is_pulse
 
 def deflection(keys: Any, pwm_us: float) -> float:
     """Return the angle (rad) that a pulse commands; `keys` are a Fin or an Azimuth."""
-    offset = pwm_us - keys.pwm_neutral_us
+    offset: float = pwm_us - keys.pwm_neutral_us
     end = keys.pwm_max_us - keys.pwm_neutral_us if offset > 0 else keys.pwm_neutral_us - keys.pwm_min_us
-    return keys.max_deflection * max(-1.0, min(1.0, offset / end))
+    return float(keys.max_deflection * max(-1.0, min(1.0, offset / end)))
 
 
 def pulse(keys: Any, angle: float) -> int:
     """Return the pulse (us) that commands `angle` rad, or the nearest possible angle."""
     share = max(-1.0, min(1.0, angle / keys.max_deflection)) if keys.max_deflection else 0.0
     end = keys.pwm_max_us - keys.pwm_neutral_us if share > 0 else keys.pwm_neutral_us - keys.pwm_min_us
-    return round(keys.pwm_neutral_us + share * end)
+    return round(float(keys.pwm_neutral_us + share * end))
 
 
 class Servos:

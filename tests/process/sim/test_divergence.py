@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from hil.cli import main
 from hil.common.errors import ConfigError, DivergenceError
 from hil.common.schema import find_preset
 from hil.common.tables import read_table
@@ -134,16 +133,6 @@ def test_a_pulse_that_is_no_number_is_refused(vehicle: Vehicle, pulse: Any, may_
             simulation.step(pulses)
 
 
-@pytest.mark.usefixtures("twin")
-@pytest.mark.parametrize("may_fail", [False, True], ids=["sound", "failing"])
-def test_an_empty_list_of_pulses_is_refused(may_fail: bool) -> None:
-    simulation = Simulation(SIX, POOL, {}, position=PLACE)
-    if may_fail:
-        simulation.fail()
-    with pytest.raises(ConfigError, match="0 pulses for a vehicle of 6 thrusters"):
-        simulation.step([])
-
-
 # -- in a step --------------------------------------------------------------------------------------------------------
 
 
@@ -246,16 +235,6 @@ def scenario_of(folder: Path) -> Path:
     path, _ = write_scenario(folder)
     path.write_text(f'{path.read_text()}[[force]]\nclass = "broken:Broken"\n')
     return path
-
-
-def test_sim_reports_divergence_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.syspath_prepend(tmp_path)
-    assert main(["sim", str(scenario_of(tmp_path)), "--fast"]) == 6
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "after 0.2500 s: the force broken:Broken is nan" in error
 
 
 def test_a_diverged_slave_ends_with_neutral_thrusters(tmp_path: Path) -> None:

@@ -7,17 +7,15 @@ allocation matrices (test_presets), allocation without limits (test_allocation_f
 """
 
 from collections.abc import Sequence
-from math import cos, pi, sin, sqrt
 from typing import Any
 
 import pytest
 
 from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.world import World
-from sim.matrices import product
 from sim.rotations import from_euler
 from sim.simulation import Simulation
-from sim.vehicle.vehicle import Vehicle, load_vehicle, rigid_mass_matrix
+from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 HEAVY, _ = load_vehicle("bluerov2_heavy_vonbenzon2022")
 DEEP = 1000.0
@@ -68,34 +66,6 @@ def test_the_dynamics_are_independent_of_units(integrator: Integrator) -> None:
     assert [x / speed for x in same.nu[:3]] == pytest.approx(ride.nu[:3], rel=1e-9)
     assert [x / rate for x in same.nu[3:]] == pytest.approx(ride.nu[3:], rel=1e-9)
     assert same.quaternion == pytest.approx(ride.quaternion, rel=1e-9)
-
-
-def test_the_coriolis_matrix_of_von_benzon_has_errors_in_print() -> None:
-    """Eq. 8 prints element (4, 5) of C_RB with the wrong sign, which makes power; here it has the right one."""
-    nu = [0.0, 0.0, 0.0, 0.3, -0.4, 0.5]
-    ix, iy, iz = HEAVY.inertia
-    p, q, r = nu[3:]
-
-    correct = [[0.0, iz * r, -iy * q], [-iz * r, 0.0, ix * p], [iy * q, -ix * p, 0.0]]
-    rigid = HEAVY._replace(added_mass=(1e-12,) * 6)
-    turning = Dynamics(rigid, 1000.0, 9.8).forces(State((0.0, 0.0, DEEP), nu=nu), NOTHING, STILL).coriolis[3:]
-    right = [row[0] for row in product(correct, [[x] for x in nu[3:]])]
-    assert turning == pytest.approx([-x for x in right], abs=1e-9)
-    assert rigid_mass_matrix(HEAVY)[3][3] == ix
-
-
-def test_the_third_thruster_of_von_benzon_has_a_misprint() -> None:
-    """Table A1 turns thruster 3 by 3 pi/4, a misprint of 3 pi/2: it would push sideways alone."""
-
-    def rates_at(angle: float) -> tuple[float, float]:
-        x, y = 1.0 / sqrt(2.0), -1.0 / sqrt(2.0)
-        return cos(angle) * x - sin(angle) * y, sin(angle) * x + cos(angle) * y
-
-    directions = {thruster.name: thruster.unit_direction[:2] for thruster in HEAVY.thrusters}
-    assert rates_at(0.75 * pi) == pytest.approx((0.0, 1.0))
-    assert rates_at(1.5 * pi) == pytest.approx(directions["rear_right"])
-    for name, angle in (("front_right", 0.0), ("front_left", 0.5 * pi), ("rear_left", pi)):
-        assert rates_at(angle) == pytest.approx(directions[name])
 
 
 def test_forces_are_finite_astern() -> None:

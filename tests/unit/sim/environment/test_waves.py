@@ -39,14 +39,6 @@ def test_the_spectrum_has_its_energy_and_peak(waves: Waves, tolerance: float) ->
     assert omegas[values.index(max(values))] == pytest.approx(2.0 * pi / 8.0, abs=0.003)
 
 
-def test_jonswap_with_gamma_1_equals_pierson_moskowitz() -> None:
-    for omega in (0.3, 0.785, 1.0, 3.0):
-        one, other = Waves(2.0, 8.0, gamma=1.0), Waves(2.0, 8.0, "pierson_moskowitz")
-        assert spectral_density(one, omega) == pytest.approx(spectral_density(other, omega), rel=1e-14)
-    ratio = spectral_density(Waves(2.0, 8.0), 2.0 * pi / 8.0) / spectral_density(other, 2.0 * pi / 8.0)
-    assert ratio == pytest.approx(3.3 * (1.0 - 0.287 * 1.19392), rel=1e-5)
-
-
 def test_pierson_moskowitz_agrees_with_its_original_form() -> None:
     """The spectrum is 0.0081 g² / omega⁵ exp(-0.74 (g / (U omega))⁴) (Pierson and Moskowitz 1964), for its Hs, Tp."""
     wind = 12.0
@@ -72,12 +64,6 @@ def test_the_components_have_the_energy_of_the_spectrum(count: int, gamma: float
     rate = sum(0.5 * (wave.amplitude * wave.omega) ** 2 for wave in generated) / (1.5**2 / 16.0)
     assert rate == pytest.approx(moment, rel=2e-3)
     assert all(b.omega > a.omega * (1.0 + 1e-5) for a, b in pairwise(generated))  # no two swing alike
-
-
-def test_waves_of_zero_height_give_no_motion() -> None:
-    wave_field = WaveField(Waves(0.0, 7.0), 20.0, G, 1)
-    assert wave_field.elevation(5.0, 1.0, 2.0) == 0.0
-    assert wave_field.motion(5.0, 1.0, 2.0, 0.0).velocity == pytest.approx((0.0, 0.0, 0.0), abs=0.0)
 
 
 def test_waves_depend_on_seed_and_direction() -> None:

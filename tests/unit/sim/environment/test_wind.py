@@ -6,7 +6,7 @@ import pytest
 
 from sim.environment.wind import Wind, WindForce
 from sim.environment.world import World
-from sim.rotations import from_euler, matrix
+from sim.rotations import matrix
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -69,11 +69,3 @@ def test_a_vessel_drifts_where_drag_balances_the_wind() -> None:
     u = simulation.state.nu[0]
     felt = 10.0 * (0.3 / 10.0) ** (1.0 / 7.0) - u
     assert 77.55443234836703 * u == pytest.approx(0.5 * AIR * 0.35 * 0.55 * felt * felt, rel=0.01)
-
-
-def test_a_heeled_vessel_still_feels_the_wind_in_its_own_axes() -> None:
-    force = WindForce(OTTER, Wind(8.0, 0.3), None, 1)
-    turned = matrix(from_euler(0.0, 0.0, 0.3))
-    assert force.wrench((0.0, 0.0, 0.0), turned, (0.0,) * 6)[:2] == pytest.approx(
-        WindForce(OTTER, Wind(8.0), None, 1).wrench((0.0, 0.0, 0.0), LEVEL, (0.0,) * 6)[:2], abs=1e-12
-    )

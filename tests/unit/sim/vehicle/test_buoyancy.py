@@ -36,13 +36,6 @@ def energy(dynamics: Dynamics, state: State) -> float:
     return kinetic + lifted - dynamics.weight * depth
 
 
-def others_lift(depth: float, height: float, full: float) -> float:
-    """Return the lift of a widely used simulator: half of it just below the surface, none at it."""
-    if depth > 0.5 * height:
-        return full
-    return full * (depth + 0.5 * height) / height if depth > 0.0 else 0.0
-
-
 def largest_jump(values: list[float]) -> float:
     return max(abs(b - a) for a, b in pairwise(values))
 
@@ -50,25 +43,12 @@ def largest_jump(values: list[float]) -> float:
 def test_lift_is_continuous() -> None:
     hull = Hull(float_(), RHO, G)
     depths = [-0.3 + 0.0001 * i for i in range(6001)]
-    assert largest_jump([others_lift(d, 0.234, hull.full) for d in depths]) > 0.49 * hull.full
     for attitude in (LEVEL, rotations.matrix(from_euler(0.7, -0.4, 0.2)), rotations.matrix(from_euler(3.1, 0.0, 0.0))):
         lifts = [hull.buoyancy(d, attitude[6:]) for d in depths]
         assert lifts[0] == (0.0, 0.0, 0.0, 0.0)
         assert lifts[-1] == pytest.approx((hull.full, 0.0, 0.0, 0.0))
         assert largest_jump([lift for lift, *_ in lifts]) < 0.002 * hull.full
         assert all(b[0] >= a[0] - 1e-9 for a, b in pairwise(lifts))
-
-
-def test_a_floating_box_has_its_metacentric_height() -> None:
-    """The metacentric height of a floating box is second moment over volume, less the height of weight over lift."""
-    dynamics = Dynamics(float_(), RHO, G)
-    heel = 1e-6
-    nu_dot = dynamics.acceleration(0.0, rotations.matrix(from_euler(heel, 0.0, 0.0)), NOTHING, NOTHING, STILL)
-    moment = -nu_dot[3] * dynamics.mass[3][3]
-    filled = 0.0194 / (0.378 * 0.302 * 0.234)  # the box holds more than the hull displaces
-    second = filled * 0.378 * 0.302**3 / 12.0
-    height = second / (0.5 * 0.0194) - 0.234 / 4.0
-    assert moment == pytest.approx(dynamics.weight * height * heel, rel=1e-4)
 
 
 @pytest.mark.parametrize("start", [0.08, 0.4])

@@ -89,13 +89,6 @@ def test_a_box_rights_itself_as_a_wall_sided_hull(immersed: float, heel: float) 
     assert righting_lever(hull, immersed, angle) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_a_box_on_its_side_is_a_box() -> None:
-    hull = hull_of(HullForm(boxes=((0.0, 0.0, 0.0, 2.0, 1.0, 0.3),)), 0.6)
-    down = rotations.matrix(from_euler(0.5 * pi, 0.0, 0.0))[6:]
-    for depth in (-0.4, -0.1, 0.0, 0.25, 0.5):
-        assert hull.buoyancy(depth, down)[0] == pytest.approx(hull.full * (depth + 0.5), abs=1e-9)
-
-
 @pytest.mark.parametrize("immersed", [0.1, 0.3, 0.5, 0.9])
 def test_a_cylinder_does_not_right_itself(tmp_path: Path, immersed: float) -> None:
     """Its lift always passes through the axis; the depth of its axis follows from the area of a circle's segment."""
@@ -142,14 +135,6 @@ def test_a_ship_shaped_hull_has_its_volume_and_metacentres(tmp_path: Path) -> No
     lift, _, _, moment = hull.buoyancy(depth, (0.0, 0.0, 1.0))
     expected = second / (share * abs(volume)) - moment / lift
     assert righting_lever(hull, share, 1e-3) / 1e-3 == pytest.approx(expected, rel=0.01)
-
-
-def test_two_floats_are_stiffer_than_one() -> None:
-    """A catamaran's metacentric radius is that of its floats plus their distance squared."""
-    floats = ((0.0, -0.4, 0.0, 2.0, 0.2, 0.3), (0.0, 0.4, 0.0, 2.0, 0.2, 0.3))
-    hull = hull_of(HullForm(boxes=floats), 0.24)
-    radius = (0.2**2 / 12.0 + 0.4**2) / 0.15
-    assert righting_lever(hull, 0.5, 1e-4) / 1e-4 == pytest.approx(radius - 0.075, rel=1e-5)
 
 
 def test_text_and_binary_files_are_equal(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import pytest
 
 from hil.common.schema import preset_names
 from sim.environment.world import load_world
-from sim.matrices import square
 from sim.simulation import Simulation
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
@@ -37,11 +36,6 @@ def columns(matrix: list[list[float]]) -> list[tuple[float, ...]]:
 
 def matrix_of(name: str) -> list[list[float]]:
     return wrench_matrix(load_vehicle(name)[0])
-
-
-def diagonal(values: tuple[float, ...], size: int) -> list[float]:
-    matrix = square(values, size)
-    return [matrix[i][i] for i in range(size)]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -114,16 +108,3 @@ def prism_coefficient(ratio: float) -> float:
         return 0.68 + (0.36 - 0.68) * (ratio - 1.0)
     exponent = 0.917  # of the line from 0.68 at 1 through the ratio of 0.36 to 0.68 at 2
     return float(0.68 * ratio**-exponent)
-
-
-def test_preset_numbers_equal_the_published_ones() -> None:
-    """A second table repeats the numbers, which finds typing errors in a preset."""
-    wu, _ = load_vehicle("bluerov2_heavy_wu2018")
-    assert wu.added_mass == (5.5, 12.7, 14.57, 0.12, 0.12, 0.12)
-    assert (wu.mass - 1000.0 * wu.volume) * 9.80665 == pytest.approx(114.8 - 112.8, abs=2e-3)
-    px4, offloaded = load_vehicle("bluerov2_heavy_px4")[0], load_vehicle("bluerov2_heavy")[0]
-    assert px4.added_mass == pytest.approx([0.2 * x for x in offloaded.added_mass], rel=1e-9)
-    assert px4.quadratic_damping == pytest.approx([0.1 * x for x in offloaded.quadratic_damping], rel=1e-9)
-    rexrov, _ = load_vehicle("rexrov")
-    assert diagonal(rexrov.added_mass, 6) == [779.79, 1222.0, 3659.9, 534.9, 842.69, 224.32]
-    assert diagonal(rexrov.inertia, 3) == [525.39, 794.2, 691.23]

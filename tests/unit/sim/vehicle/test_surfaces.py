@@ -201,11 +201,6 @@ def test_the_cross_flow_coefficient_depends_on_speed() -> None:
         assert wrench(drag, 0.0, speed)[1] == pytest.approx(-0.5 * RHO * coefficient * 0.4 * speed * speed)
 
 
-def test_damping_by_speed_brakes_also_astern() -> None:
-    damping = SpeedDamping((8.0, 160.0, 100.0, 13.0, 20.0, 32.0))
-    assert wrench(damping, -2.0, 0.1)[:2] == pytest.approx([32.0, -32.0])
-
-
 # -- servos -------------------------------------------------------------------------------------------------------
 
 

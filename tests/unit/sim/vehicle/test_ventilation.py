@@ -12,8 +12,6 @@ from sim.rotations import from_euler
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from sim.vehicle.ventilation import Ventilation, thrust_share
-from tests.process.sim.native.test_step_twins import FLAT
-from tests.support.flights.ride import Ride, all_of, twins
 
 HEAVY, _ = load_vehicle("bluerov2_heavy")
 REMUS, _ = load_vehicle("remus100")
@@ -81,12 +79,6 @@ def test_waves_change_the_thrust_share() -> None:
     assert surface.reach > calm.reach + 1.0
 
 
-def test_a_known_propeller_diameter_is_used() -> None:
-    assert REMUS.thrusters[0].propeller_diameter == 0.14  # that of its curve
-    assert HEAVY.thrusters[0]._replace(diameter=0.1).propeller_diameter == 0.1
-    assert 0.06 < HEAVY.thrusters[0].propeller_diameter < 0.09  # a T200's 76 mm
-
-
 def test_deep_vehicles_do_not_compute_the_shares(monkeypatch: pytest.MonkeyPatch) -> None:
     """One comparison of the depth decides."""
     monkeypatch.delattr(Ventilation, "shares")
@@ -94,12 +86,3 @@ def test_deep_vehicles_do_not_compute_the_shares(monkeypatch: pytest.MonkeyPatch
     for _ in range(100):
         simulation.step([1600] * 8)
     assert min(map(abs, simulation.thrusts)) > 1.0, "all have their full thrust"
-
-
-def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The two agree for a vehicle that leaves the water, tumbles, and dives again."""
-    ride = Ride(twins(monkeypatch, FLAT))
-    for depth in (0.05, -0.3, 0.2, 3.0, 0.0):
-        ride.set_position((0.0, 0.0, depth))
-        ride.run_and_compare(400)
-    assert all_of(ride.pair[0]) == all_of(ride.pair[1])
