@@ -12,7 +12,6 @@ from sim.environment.seawater.sound_rays import SoundRays
 from sim.environment.world import World
 from sim.rotations import from_euler, rotate, rotate_inverse
 from sim.sensors.current_meter import CurrentMeter, CurrentMeterModel
-from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
 from sim.sensors.ranging.dvl_water import DvlWater, DvlWaterModel
@@ -79,23 +78,6 @@ def test_a_usbl_is_exact_without_errors() -> None:
     assert sample is not None
     assert sample.time_ns == 5
     assert sample.position == pytest.approx(ASKEW.world_position(state), rel=1e-13)
-
-
-@pytest.mark.parametrize("position", [(300.0, 0.0, 100.0), (-200.0, 150.0, 4.0), (0.0, 0.0, 400.0), (50.0, -60.0, 7.0)])
-def test_usbl_errors_have_their_reported_covariance(position: tuple[float, float, float]) -> None:
-    """The scatter of 3000 fixes is the covariance in the sample: thin along the line of sight, wide across it."""
-    model = UsblModel(range=ErrorModel(noise=0.5), angle=ErrorModel(noise=0.01), station=(0.0, 0.0, 1.0))
-    usbl, state = Usbl(model, Mounting(), 1, scene(DEEP)), State(position)
-    samples = [usbl.sample(i, state) for i in range(3000)]
-    fixes = np.array([sample.position for sample in samples if sample])
-    stated = np.array(samples[0].covariance if samples[0] else ()).reshape(3, 3)
-    root = np.linalg.inv(np.linalg.cholesky(stated))
-    assert len(fixes) == 3000
-    assert np.mean(fixes, axis=0) == pytest.approx(position, abs=0.3)
-    assert root @ np.cov(fixes.T) @ root.T == pytest.approx(np.eye(3), abs=0.12)
-    line = np.array(position) - (0.0, 0.0, 1.0)
-    line /= np.linalg.norm(line)
-    assert line @ stated @ line == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize("position", [(0.0, 0.0, -1.0), (1200.0, 0.0, 5.0), (10.0, -20.0, 2.0)])

@@ -15,9 +15,6 @@ from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample
 from tests.support.fitted import EXACT, scene
-from tests.support.lazy import import_lazily
-
-allantools = import_lazily("allantools")
 
 MODEL = AhrsModel(rate=50.0, angular_velocity=EXACT, acceleration=EXACT, magnetic_field=EXACT)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, magnetic_field=(50e-6, 1.1, 0.3))
@@ -110,10 +107,3 @@ def test_default_errors_equal_those_of_the_data_sheet() -> None:
     assert degrees(pstdev(pitches)) == pytest.approx(0.4, rel=0.15)
     assert degrees(pstdev(yaws)) == pytest.approx(1.0, rel=0.2)
     assert fmean(yaws) == pytest.approx(1.0, abs=radians(0.3))
-
-
-def test_rates_have_the_allan_deviation_of_their_noise() -> None:
-    ahrs, state = Ahrs(AhrsModel(rate=20.0), Mounting(), 1, SCENE), State((0.0, 0.0, 5.0))
-    values = [ahrs.sample(i, state).angular_velocity[0] for i in range(20_000)]
-    _, deviations, _, _ = allantools.oadev(values, rate=20.0, data_type="freq", taus=[1.0])
-    assert float(deviations[0]) == pytest.approx(3.394e-4, rel=0.08)

@@ -7,7 +7,7 @@ from statistics import fmean, pstdev
 
 import pytest
 
-from sim.sensors.error import ErrorBank, ErrorModel, ErrorProcess, sensor_random
+from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 
 RATES = [10.0, 100.0, 1000.0]
 TAU, SD = 0.5, 2.0
@@ -33,14 +33,6 @@ def test_a_bias_has_its_size_from_the_start() -> None:
     assert fmean(first) == pytest.approx(0.0, abs=0.1)
 
 
-def test_noise_has_zero_mean_and_its_stated_size() -> None:
-    values = series(ErrorModel(noise=0.5), 100.0, 200.0, true=3.0)
-    assert fmean(values) == pytest.approx(3.0, abs=0.02)
-    assert pstdev(values) == pytest.approx(0.5, rel=0.03)
-    assert min(values) < 2.0
-    assert max(values) > 4.0
-
-
 def test_constant_errors_have_their_stated_size() -> None:
     assert series(ErrorModel(), 10.0, 1.0, true=5.0) == [5.0] * 10
     assert series(ErrorModel(offset=0.25), 10.0, 1.0, true=5.0) == [5.25] * 10
@@ -50,11 +42,6 @@ def test_constant_errors_have_their_stated_size() -> None:
     assert pstdev([process.measure(1.0) for process in constant]) == pytest.approx(0.2, rel=0.06)
     scaled = [ErrorProcess(ErrorModel(scale=0.01), 0.1, random).measure(100.0) for _ in range(2000)]
     assert pstdev(scaled) == pytest.approx(1.0, rel=0.06)
-
-
-def test_errors_of_axes_are_independent() -> None:
-    axes = ErrorBank([ErrorModel(turn_on=1.0)] * 3, 0.1, Random(1))
-    assert len(set(axes.measure((0.0, 0.0, 0.0)))) == 3
 
 
 def test_the_seed_determines_the_errors() -> None:

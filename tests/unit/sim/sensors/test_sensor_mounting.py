@@ -27,15 +27,6 @@ def test_a_mounting_has_its_own_position_and_attitude() -> None:
     assert mounting.attitude(nose_up) == pytest.approx((1.0, 0.0, 0.0, 0.0))
 
 
-def test_an_imu_on_its_side_has_its_axes_exchanged() -> None:
-    """An IMU that is rolled to starboard by a quarter turn has the vehicle's z as its y axis."""
-    imu = Imu(EXACT_IMU, Mounting(orientation=(pi / 2.0, 0.0, 0.0)), 1, SCENE)
-    sample = imu.sample(0, State(nu=(0.0, 0.0, 0.0, 0.1, 0.2, 0.3)))
-    assert sample.acceleration == pytest.approx((0.0, -9.8, 0.0))
-    assert sample.angular_velocity == pytest.approx((0.1, 0.3, -0.2))
-    assert sample.orientation == pytest.approx(from_euler(pi / 2.0, 0.0, 0.0))
-
-
 def test_a_rotated_imu_measures_the_same_in_other_axes() -> None:
     state = moving()
     straight = Imu(EXACT_IMU, Mounting(ASKEW.position), 1, SCENE).sample(0, state)
