@@ -107,12 +107,11 @@ def _watch_network(session: "Session", scenario: Scenario, report: Callable[[str
 
 def _start_program(scenario: Scenario, *command: str) -> Callable[[], None]:
     """Start a command for this vehicle in its own process, off the slave's timing; return the function that ends it."""
-    import json
-
+    from hil.common.text import toml_text
     from hil.slave.spawn import start_program
 
     at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
-    changed = [word for key, value in scenario.changes.items() for word in ("--set", f"{key}={json.dumps(value)}")]
+    changed = [word for key, value in scenario.changes.items() for word in ("--set", f"{key}={toml_text(value)}")]
     return start_program(*command, scenario.path, *at, *changed)
 
 

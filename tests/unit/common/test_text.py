@@ -3,7 +3,8 @@
 import pytest
 
 from hil.common.columns import aligned
-from hil.common.text import clean
+from hil.common.tables import value_of
+from hil.common.text import clean, toml_text
 from hil.network.tokens import Presence, presence_key, read_presence
 from hil.slave import log
 from hil.slave.log import Log
@@ -23,6 +24,12 @@ from hil.slave.log import Log
 def test_text_from_others_is_cleaned(text: str, cleaned: str) -> None:
     assert clean(text) == cleaned
     assert aligned([[text]], width=300) == [cleaned]
+
+
+def test_a_value_written_as_toml_reads_back() -> None:
+    """As a slave passes the changes of its command line on to the processes that it starts."""
+    value = {"below": 1.5, "at": ["tcp:127.0.0.1:1", 'a "b" \\'], "settings": {"is_on": True, "n": 3}, "empty": {}}
+    assert value_of(toml_text(value)) == value
 
 
 def test_a_log_message_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
