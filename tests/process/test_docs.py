@@ -30,7 +30,8 @@ PYTHON, TOML = blocks("python"), blocks("toml")
 # pages that talk to a vehicle are run beside a slave.
 RUN_BESIDE_A_SLAVE = "tests/system/docs/test_python_docs.py"
 RUNNERS = {
-    "docs/how-to/python.md": RUN_BESIDE_A_SLAVE, "docs/tutorials/two_machines.md": RUN_BESIDE_A_SLAVE,
+    "README.md": RUN_BESIDE_A_SLAVE, "docs/how-to/python.md": RUN_BESIDE_A_SLAVE,
+    "docs/tutorials/two_machines.md": RUN_BESIDE_A_SLAVE,
     "docs/tutorials/ros1.md": "tests/system/gateways/test_ros1_debian.py",
     "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
     "docs/reference/links.md": "beside an STM32", "docs/reference/sensors.md": "alone",

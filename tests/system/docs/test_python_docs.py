@@ -13,6 +13,7 @@ from tests.support.processes import ROOT, Program, free_port
 
 BEGINNING, *PROGRAMS = [block.text for block in blocks("python", page=ROOT / "docs" / "how-to" / "python.md")]
 (TUTORIAL,) = [block.text for block in blocks("python", page=ROOT / "docs" / "tutorials" / "two_machines.md")]
+(README,) = [block.text for block in blocks("python", page=ROOT / "README.md")]
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +30,12 @@ def run(program: str, endpoint: str) -> list[str]:
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=40)
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
+
+
+def test_the_program_of_the_readme_flies(endpoint: str) -> None:
+    *_, last = run(README, endpoint)
+    assert 0.4 < float(last.split()[0]) < 0.7
+    assert last.endswith("m above the seabed")
 
 
 def test_the_complete_program_runs(endpoint: str) -> None:
