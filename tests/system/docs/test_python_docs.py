@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import pytest
 
-from hil.ros.topics import COMMANDS, TOPICS
 from tests.support.documents import blocks
 from tests.support.processes import ROOT, Program, free_port
 
@@ -70,9 +69,3 @@ def test_the_program_of_the_tutorial_runs(endpoint: str) -> None:
     assert len(TUTORIAL.strip().splitlines()) <= 12
     lines = run(TUTORIAL, endpoint)
     assert float(lines[-1].split(",")[0].strip("(")) > 0.3
-
-
-def test_the_table_has_all_command_topics() -> None:
-    text = (ROOT / "docs" / "how-to" / "python.md").read_text()
-    rows = dict(re.findall(r"^\| `(cmd_\w+)` \| `(\w+/\w+)`", text, flags=re.MULTILINE))
-    assert rows == {name: TOPICS[name].type.replace("/msg/", "/") for name in COMMANDS}
