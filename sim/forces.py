@@ -27,6 +27,7 @@ class Force(Protocol):
 
     def begin(self, time_ns: int) -> None:
         """Prepare for the step that begins at `time_ns`, in ns of simulation time; here there is nothing to do."""
+        return
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the wrench on a vehicle at `position` (m, NED), attitude `rotation` (body to world, 9 numbers).
@@ -46,7 +47,7 @@ class TimedForce(Force, Protocol):
     """A force that changes with time, which is `_time` s in a step; `twin` is its C twin, if there is one."""
 
     twin: Twin | None = None
-    _time = 0.0
+    _time: float = 0.0
 
     def begin(self, time_ns: int) -> None:
         """Set the time for the next step."""

@@ -142,13 +142,13 @@ class Pilot:
         """Turn the azimuth thrusters of `vehicle`. Raises ConfigError."""
         from hil.autonomy.control.azimuth import AzimuthAllocator
         from sim.vehicle.servos import pulse
-        from sim.vehicle.thrusters.azimuth import sideways_matrix
+        from sim.vehicle.thrusters.azimuth import turned
 
         self._servo_pulse = pulse
         self._azimuths = [thruster.azimuth for thruster in vehicle.thrusters if thruster.azimuth]
         self._azimuth_allocator = AzimuthAllocator(
             wrench_matrix(vehicle, torque=False),
-            sideways_matrix(vehicle.thrusters),
+            wrench_matrix(vehicle._replace(thrusters=tuple(map(turned, vehicle.thrusters))), torque=False),
             [thruster.max_forward for thruster in vehicle.thrusters],
             [thruster.max_reverse for thruster in vehicle.thrusters],
             [thruster.azimuth.max_deflection if thruster.azimuth else 0.0 for thruster in vehicle.thrusters],

@@ -19,6 +19,7 @@ from hil.plots.vehicle_picture import draw
 from sim.matrices import square
 from sim.vehicle.hydrostatics import afloat
 from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities
+from sim.vehicle.thrusters.azimuth import with_turned
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.urdf.writer import urdf_of
 from sim.vehicle.vehicle import Vehicle, displaced_volume, load_vehicle
@@ -170,6 +171,7 @@ def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[AxisCapability, ...]
 
     Its thrust is allocated as the slave allocates it.
     """
+    vehicle = with_turned(vehicle)
     return axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
 
 

@@ -14,6 +14,7 @@ from hil.tuning.rig import DEEP, START_DEPTH, Rig
 from sim.matrices import square
 from sim.vehicle.hydrostatics import afloat
 from sim.vehicle.terminal_speed import AxisCapability, axis_capabilities, equipment_drag
+from sim.vehicle.thrusters.azimuth import with_turned
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, displaced_volume, mass_matrix
 
@@ -61,8 +62,8 @@ class Subject:
     @cached_property
     def capabilities(self) -> tuple[AxisCapability, ...]:
         """Forces and speeds along each axis."""
-        inverse = pseudo_inverse(wrench_matrix(self.vehicle))[0]
-        return axis_capabilities(self.vehicle, inverse, self.density, self.gravity)
+        vehicle = with_turned(self.vehicle)
+        return axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], self.density, self.gravity)
 
     @property
     def floats(self) -> bool:

@@ -9,10 +9,10 @@ from math import cos, sin
 from typing import Protocol
 
 from sim.forces import Wrench
-from sim.matrices import Matrix
 from sim.rotations import Rotation
 from sim.vehicle.servos import ServoSet
 from sim.vehicle.thrusters.model import Thruster
+from sim.vehicle.vehicle import Vehicle
 
 
 class Twin(Protocol):
@@ -69,10 +69,13 @@ class AzimuthSet(ServoSet):
         ]  # fmt: skip
 
 
-def sideways_matrix(thrusters: Sequence[Thruster]) -> Matrix:
-    """Return the 6 x n matrix of the wrench of 1 N of each thruster, turned clockwise by a quarter from its rest."""
-    columns = []
-    for thruster in thrusters:
-        (x, y, z), (a, b, _) = thruster.position, thruster.unit_direction
-        columns.append((-b, a, 0.0, -z * a, -z * b, x * a + y * b))
-    return [list(row) for row in zip(*columns, strict=True)]
+def turned(thruster: Thruster) -> Thruster:
+    """Return `thruster`, turned clockwise by a quarter from its rest."""
+    a, b, c = thruster.direction
+    return thruster._replace(direction=(-b, a, c))
+
+
+def with_turned(vehicle: Vehicle) -> Vehicle:
+    """Return `vehicle` with each azimuth thruster as two, at rest and turned by a quarter, for what one axis can do."""
+    more = [turned(thruster) for thruster in vehicle.thrusters if thruster.azimuth]
+    return vehicle._replace(thrusters=(*vehicle.thrusters, *more))

@@ -6,9 +6,10 @@ import pytest
 
 from hil.autonomy.control.azimuth import AzimuthAllocator
 from hil.autonomy.control.controller import VelocityCommand
+from hil.doctor.vehicle.subject import Subject
 from hil.tuning.rig import DEEP, Rig
 from sim.environment.wind import Wind
-from sim.vehicle.thrusters.azimuth import sideways_matrix
+from sim.vehicle.thrusters.azimuth import turned
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.thrusters.model import Azimuth, Thruster
 from sim.vehicle.vehicle import Vehicle, load_vehicle
@@ -29,7 +30,8 @@ def turning(limit: float, rate: float = 2.0) -> Vehicle:
 def allocator_of(thrusters: tuple[Thruster, ...]) -> AzimuthAllocator:
     vehicle = turning(pi)._replace(thrusters=thrusters)
     limits = [each.azimuth.max_deflection if each.azimuth else 0.0 for each in thrusters]
-    matrix, sideways = wrench_matrix(vehicle), sideways_matrix(thrusters)
+    matrix = wrench_matrix(vehicle, torque=False)
+    sideways = wrench_matrix(vehicle._replace(thrusters=tuple(map(turned, thrusters))), torque=False)
     forward, reverse = [each.max_forward for each in thrusters], [each.max_reverse for each in thrusters]
     return AzimuthAllocator(matrix, sideways, forward, reverse, limits)
 
@@ -66,6 +68,7 @@ def test_a_vessel_with_azimuth_thrusters_moves_sideways_against_the_wind() -> No
     assert equipment
     assert equipment.azimuths
     assert vehicle.channels == ("left", "right", "left azimuth", "right azimuth")
+    assert Subject(vehicle, {}).capabilities[1].force == pytest.approx((1.875 * 119.682, -1.875 * 66.708))
     rig.fly(0.1, lambda time: VelocityCommand(sway=0.3, depth=0.0, heading=0.0))
     assert max(map(abs, equipment.azimuths.angles)) <= 0.2 + 1e-9, "2 rad/s"
     moments = rig.fly(20.0, lambda time: VelocityCommand(sway=0.3, depth=0.0, heading=0.0))

@@ -34,7 +34,7 @@ def test_the_vessel_finds_the_auv_by_usbl_on_the_way() -> None:
                 vehicle.command(flight.command(vehicle.time_ns / NS_PER_S, vehicle.samples, truth))
         now = vessel.time_ns
         due_ns += period_ns if now >= due_ns else 0
-        positions = {node: tuple(vehicle.simulation.state.position) for node, (vehicle, _) in pairs.items()}
+        positions = {node: vehicle.simulation.truth().position for node, (vehicle, _) in pairs.items()}
         track[now] = positions
         usbl.ask(now, positions)
         for fix in usbl.take(now, channel.receive(now), positions)[1]:
