@@ -334,10 +334,7 @@ class Dispatcher:
         self._set_target(lambda _: targets.attitude_target(packet, core.table["PILOT_SPEED_UP"]), now)
         down = down_in_body(packet.q)
         if not packet.type_mask & targets.NO_ATTITUDE and max(abs(down[0]), abs(down[1])) > LEVEL:
-            core.complain(
-                "target: roll and pitch stay level, the heading is followed",
-                now,
-            )
+            core.complain("target: roll and pitch stay level, the heading is followed", now)
 
     def _set_target(self, read: Callable[[Any], targets.Target], now: int) -> None:
         core = self.core

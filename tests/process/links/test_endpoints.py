@@ -21,7 +21,6 @@ from hil.links.endpoints.sockets import (
     TcpIn,
     TcpOut,
     UdpIn,
-    UdpOut,
 )
 from tests.support.processes import wait_for
 
@@ -124,29 +123,6 @@ def test_what_a_connection_does_not_take_waits_up_to_a_limit(stack: ExitStack) -
         link.send(caller, piece)
     assert wait_for(lambda: not out.receive(0) and out.is_lost)
     assert (out.partners(), out.descriptors()) == ([], [])
-
-
-def test_a_silent_host_given_by_name_is_looked_up_again(stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
-    looked: list[bool] = []
-    monkeypatch.setattr(UdpOut, "_look_up", lambda _: looked.append(True))
-    for host, expected in (("localhost", 1), (HOST, 0)):
-        looked.clear()
-        link = UdpOut(host, 9)
-        stack.callback(link.close)
-        link.receive(5)
-        link.tick(5 + SILENT_NS)
-        assert looked == []
-        link.tick(6 + SILENT_NS)
-        link.tick(7 + SILENT_NS)
-        assert wait_for(lambda: len(looked) == expected), looked  # noqa: B023
-    link = UdpOut("localhost", 9)
-    stack.callback(link.close)
-    monkeypatch.undo()
-    for addresses, is_lost in (([link._address], False), ([("127.9.9.9", 9)], True)):
-        found = [(0, 0, 0, "", address) for address in addresses]
-        monkeypatch.setattr(socket, "getaddrinfo", lambda *_, found=found, **__: found)
-        link._look_up()
-        assert link.is_lost == is_lost
 
 
 class Opened(Link):

@@ -16,22 +16,6 @@ ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
 POSITION_ONLY, VELOCITY_ONLY = 0b110111111000, 0b110111000111
 
 
-@pytest.mark.parametrize("mode", [mode for mode in Mode if mode != Mode.AUTO])
-def test_a_silent_joystick_counts_as_centred(mode: Mode) -> None:
-    bench = Bench()
-    bench.arm(mode)
-    bench.run(1.0, lambda: bench.partner.sticks(x=1000, r=1000))
-    bench.run(2.0)
-    command = bench.vehicle.commands[-1]
-    if mode == Mode.MANUAL:
-        assert command == NEUTRAL
-    else:
-        assert isinstance(command, VelocityCommand)
-        assert abs(command.surge) < 0.05
-        assert command.yaw_rate == 0.0
-    assert ("joystick silent" in bench.partner.texts()) == (mode in (0, 2, 16, 19))
-
-
 def test_stale_stick_messages_are_ignored() -> None:
     bench = Bench()
     bench.arm()

@@ -183,20 +183,6 @@ def loop(tmp_path: Path) -> Iterator[Loop]:
 
 
 @pytest.mark.usefixtures("stop_clock")
-def test_commands_without_a_reply_are_counted_and_dropped(loop: Loop, capsys: pytest.CaptureFixture[str]) -> None:
-    for _ in range(100):
-        loop.serve_source(now_ns())
-    loop.service_link(now_ns())
-    assert loop.source.unanswered == 0
-    assert len(loop.source._awaited) == 100
-    loop.service_link(now_ns() + NS_PER_S + 1)
-    assert loop.source.unanswered == 100
-    assert loop.source._awaited == {}
-    assert loop.driver.is_silent
-    assert "the STM32 has not answered for 0.5 s" in capsys.readouterr().out
-
-
-@pytest.mark.usefixtures("stop_clock")
 def test_a_link_lost_while_sending_is_no_longer_waited_on(loop: Loop) -> None:
     """The link's descriptors may be those of something else by the next wait."""
     assert loop.driver.host

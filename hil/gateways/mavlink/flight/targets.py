@@ -143,15 +143,12 @@ def _target(packet: Any, position: Point | None, state: State, in_body_frame: bo
 def _require_finite(packet: Any, position: tuple[float, ...]) -> None:
     """Raise TargetError for invalid numbers; those that the mask ignores are not checked."""
     mask = packet.type_mask
-    used = [
-        *(position if not mask & NO_POSITION or not mask & NO_DEPTH else ()),
+    speeds = [
         *((packet.vx, packet.vy, packet.vz) if mask & NO_VELOCITY != NO_VELOCITY else ()),
-        *(() if mask & NO_YAW else (packet.yaw,)),
         *(() if mask & NO_YAW_RATE else (packet.yaw_rate,)),
     ]
-    if not all(isfinite(value) for value in used):
+    places = position if not mask & NO_POSITION or not mask & NO_DEPTH else ()
+    if not all(isfinite(value) for value in (*places, *speeds, *(() if mask & NO_YAW else (packet.yaw,)))):
         raise TargetError("a number is not finite")
-    speeds = [*((packet.vx, packet.vy, packet.vz) if mask & NO_VELOCITY != NO_VELOCITY else ())]
-    speeds += [] if mask & NO_YAW_RATE else [packet.yaw_rate]
     if any(abs(value) > MAX_SPEED for value in speeds):
         raise TargetError(f"faster than {MAX_SPEED:g} m/s or rad/s")

@@ -98,11 +98,8 @@ class MissionProtocol:
         if packet.seq != len(upload.items):  # sent twice, or late: what is missing is requested again in time
             return []
         item = read_item(packet)
-        index = len(upload.items)
-        is_home = self._home is not None and index == 0
-        problem = dialect.MAV_MISSION_INVALID if item is None else None
-        if item and not is_home:
-            problem = validate_item(item, index, upload.count, self._origin())
+        is_home = self._home is not None and packet.seq == 0
+        problem = None if item is None or is_home else validate_item(item, packet.seq, upload.count, self._origin())
         if item is None or problem is not None:
             self._upload = None
             return [_ack(problem or dialect.MAV_MISSION_INVALID, MISSION, partner)]

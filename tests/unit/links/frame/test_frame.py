@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.common.errors import ConfigError
 from hil.common.schema import find_preset
 from hil.links.contract import Counters, Message, ThrusterCommand, ThrusterTelemetry
-from hil.links.frame.protocol import FrameProtocol
+from hil.links.frame.protocol import FrameProtocol, open_frame
 from tests.support.links.link_contract import command
 
 GOLDEN: dict[str, Any] = json.loads((Path(__file__).parents[3] / "vectors" / "uuv_hil_frames.json").read_text())
@@ -92,6 +93,13 @@ def test_numbers_too_large_for_their_field_wrap_or_saturate() -> None:
 def test_a_number_of_channels_out_of_range_is_refused(channels: int) -> None:
     with pytest.raises(ValueError, match=f"not {channels}"):
         uuv_hil().encode(ThrusterCommand(0, True, (1500,) * channels))
+
+
+def test_a_frame_is_opened_for_a_number_of_thrusters_that_it_carries() -> None:
+    for channels in (1, 16):
+        assert channels in open_frame("host", channels).channels
+    with pytest.raises(ConfigError, match="1 to 16 thrusters, not 17"):
+        open_frame("host", 17)
 
 
 def test_a_truncated_frame_loses_only_itself() -> None:

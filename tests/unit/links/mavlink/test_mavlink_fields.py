@@ -88,3 +88,17 @@ def test_replies_have_their_fields() -> None:
     assert_same(device.replies(), dialect.MAVLink_command_ack_message(400, 0, 0, 0, 1, 191))
     device.feed(peer.pack(dialect.MAVLink_timesync_message(0, 42)))
     assert_same(device.replies(), dialect.MAVLink_timesync_message(1_234_567_000, 42))
+
+
+def test_the_age_of_a_command_counts_from_the_first_report_that_shows_it() -> None:
+    clock = Clock(5_000_000)
+    host, device = host_end(clock=clock), device_end(clock=clock)
+    ages = []
+    for number, after_us in enumerate((0, 300, 0, 200)):
+        if after_us == 0:
+            host.encode(ThrusterCommand(number, True, (1100 + number, *PULSES[1:])))
+        clock.now += after_us * 1000 + 1_000_000
+        shown = REPORT._replace(pwm_us=(1100 + number - (after_us > 0), *PULSES[1:]))
+        found = host.feed(device.encode(shown))
+        ages += [message.age_us for message in found if isinstance(message, ThrusterTelemetry)]
+    assert ages == [0, 1300, 0, 1200]

@@ -61,6 +61,28 @@ def test_shapes_have_the_sizes_of_their_keys(tmp_path: Path, text: str, size: tu
     assert np.ptp(places, axis=0) == pytest.approx(size, abs=0.25 if "chain" in text else 0.12)
 
 
+@pytest.mark.parametrize(
+    ("kind", "count", "area", "middle", "echo"),
+    [
+        ("pipe", 64, 23.025, (0.0, 0.0, -0.3), 3.0), ("pile", 64, 25.951, (0.0, 0.0, -5.0), 0.0),
+        ("rope", 24, 0.90117, (0.0, 0.0, 5.0), 0.0), ("chain", 2400, 3.9956, (0.0, 0.0, 5.0), 6.0),
+        ("net", 26, 101.44, (10.0, 0.0, 2.4645), 0.0), ("net_pen", 1152, 1107.6, (0.0, 0.0, 5.9193), 0.0),
+        ("box_wreck", 66, 494.11, (-2.2263, 0.0038616, -2.8176), 5.0),
+    ],
+)  # fmt: skip
+def test_the_surface_of_each_kind_is_as_it_was(
+    tmp_path: Path, kind: str, count: int, area: float, middle: tuple[float, ...], echo: float
+) -> None:
+    parts = KINDS[kind]().parts()
+    sides = np.array([triangle for part in parts for triangle in part.triangles])
+    areas = 0.5 * np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1)
+    assert len(sides) == count
+    assert areas.sum() == pytest.approx(area, rel=1e-4)
+    assert (areas @ sides.mean(axis=1)) / areas.sum() == pytest.approx(middle, rel=1e-4, abs=1e-9)
+    world = world_of(tmp_path, f'[[shape]]\nkind = "{kind}"\nnorth = 10\neast = -5\necho = 1.5\n')
+    assert {mesh.keys.echo for mesh in world.mesh} == {echo + 1.5}
+
+
 def test_a_chain_hangs_as_a_catenary_and_lies_at_the_depth_of_its_end() -> None:
     line = hanging(30.0, 5.0, 40.0, 4001)
     assert line[-1] == pytest.approx((30.0, 0.0, 5.0), abs=1e-6)

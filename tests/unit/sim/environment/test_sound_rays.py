@@ -7,6 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.environment.ocean import Profile
+from sim.environment.seawater.absorption import francois_garrison
+from sim.environment.seawater.pressure import depth_of, pressure_at
 from sim.environment.seawater.sound_rays import Ray, SoundRays
 from sim.environment.seawater.water_column import WaterColumn
 from tests.support.examples import examples
@@ -111,3 +113,23 @@ def test_rays_are_straight_at_a_constant_speed_of_sound() -> None:
     column = WaterColumn(Profile((0.0, 10.0), (1000.0, 1001.0), (1480.0, 1480.0)), 9.8)
     assert column.rays(50.0) is None
     assert WaterColumn(Profile((0.0,), (1000.0,)), 9.8).rays(50.0) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "absorption"),
+    [
+        ((1e4,), 9.61402e-4), ((1e5,), 0.0335841), ((5e5,), 0.124574), ((1e5, 20.0), 0.0380052),
+        ((1e5, 25.0, 38.0, 500.0), 0.0369211), ((5e4, 4.0, 35.0, 3000.0, 7.7), 9.70485e-3),
+        ((3e5, 10.0, 0.0), 0.0279613),
+    ],
+)  # fmt: skip
+def test_absorption_depends_on_frequency_temperature_salinity_depth_and_acidity(
+    arguments: tuple[float, ...], absorption: float
+) -> None:
+    assert francois_garrison(*arguments) == pytest.approx(absorption, rel=6e-6)
+    assert francois_garrison(1e5, 20.0001) == pytest.approx(francois_garrison(1e5, 20.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("depth", [-5.0, 0.0, 1.0, 100.0, 10_000.0])
+def test_pressure_is_the_inverse_of_depth_and_none_in_air(depth: float) -> None:
+    assert depth_of(pressure_at(depth)) == pytest.approx(max(0.0, depth), rel=1e-6)

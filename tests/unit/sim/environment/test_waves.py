@@ -7,7 +7,7 @@ from statistics import fmean, pstdev
 import pytest
 
 from sim.environment.ocean import Waves
-from sim.environment.waves import WaveField, components, spectral_density
+from sim.environment.waves import WaveField, _sinc, components, spectral_density
 
 G = 9.80665
 SEA = Waves(significant_height=1.5, peak_period=7.0, direction=0.6, spread=0.3)
@@ -17,6 +17,12 @@ DEPTHS = [3.0, 20.0, 4000.0]  # shallow, in between, deep
 def single(depth: float, period: float = 7.0) -> WaveField:
     """Return a wave field of one wave."""
     return WaveField(Waves(0.5, period, components=1), depth, G, 1)
+
+
+def test_the_series_of_a_sinc_equals_it() -> None:
+    assert _sinc(0.0) == 1.0
+    for x in (0.1, 0.7, 1.2, 1.5, 1.6, 3.0):
+        assert _sinc(x) == _sinc(-x) == pytest.approx(sin(x) / x, abs=4e-8)
 
 
 # -- spectrum and components --------------------------------------------------------------------------------------

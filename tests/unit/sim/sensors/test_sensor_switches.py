@@ -1,6 +1,8 @@
 """Battery monitor, leak detector and contact switch."""
 
 from statistics import fmean, pstdev
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -111,3 +113,11 @@ def test_a_contact_switch_reports_every_contact() -> None:
     assert received[first][1] > received[first - 1][1]
     assert not simulation.touching
     assert not on[-1]  # off again once it has backed away
+
+
+def test_a_contact_switch_is_on_as_long_as_it_is_pressed() -> None:
+    scene: Any = SimpleNamespace(touching=False, contacts=0)
+    switch, found = ContactSwitch(ContactModel(), Mounting(), 1, scene), []
+    for scene.touching, scene.contacts in ((False, 0), (True, 1), (True, 1), (False, 1), (False, 2), (False, 2)):
+        found.append(switch.sample(0, State()).on)
+    assert found == [False, True, True, False, True, False]
