@@ -1,6 +1,5 @@
 """Settings of all tests: profiles of random examples, time limits, and detailed assertions in shared modules too."""
 
-import fcntl
 import gc
 import os
 import signal
@@ -12,6 +11,7 @@ import pytest
 from hil.common.ports import free_ports
 from hil.ros import dialect, topics
 from tests.support.examples import register_profiles
+from tests.support.once import made_once
 
 # As the commands that grid a seabed set it: threads of the linear algebra only wait for each other on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -108,24 +108,10 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session")
 def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Compile the C twins once, for `tests.support.flights.twins.taken_from`. Skips where there is no compiler.
-
-    Workers of one run share them: the first compiles, the others wait for it.
-    """
+    """Compile the C twins once, for `tests.support.flights.twins.taken_from`. Skips where there is no compiler."""
     from tests.support.flights.twins import compiled
 
-    if "PYTEST_XDIST_WORKER" not in os.environ:
-        folder = tmp_path_factory.mktemp("native")
-        compiled(folder)
-        return folder
-    folder = tmp_path_factory.getbasetemp().parent / "native"
-    folder.mkdir(exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (folder / "done").exists():
-            compiled(folder)
-            (folder / "done").touch()
-    return folder
+    return made_once(tmp_path_factory, "native", compiled)
 
 
 @pytest.fixture

@@ -6,7 +6,8 @@
 
 A test that fails in parallel with others may have been late on a busy machine: it runs once more, alone, after its
 part. If it then passes, the part passes, and the last lines list the test as a defect, because it depends on the
-machine. At most `MAX_SECOND` tests of a whole run may pass so: when more fail, none of them runs again.
+machine. At most `MAX_SECOND` tests of a whole run may pass so: when more fail, none of them runs again. Tests that
+run beside a part (`Part.beside`), which are those of logic alone, never run again.
 """
 
 import argparse
@@ -17,14 +18,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 ROOT = Path(__file__).parent.parent
 MAX_SECOND = 2
 TESTS_FAILED = 1  # pytest's exit status; others say that tests could not be collected, or that there was none
-# The tests of a file share what is expensive to start, and run one after the other. Those of tests/process mostly
-# wait, so several run on each processor; they come first, and the many short files of tests/unit fill the end.
+# The tests of a file share what is expensive to start, and run one after the other.
 PARALLEL = ("--dist", "loadfile", "--no-loadscope-reorder")
 
 
@@ -33,12 +34,15 @@ class Part(NamedTuple):
 
     tests: tuple[str, ...] = ()
     at_once: int = 0  # tests that run at a time on each processor; 0: one after the other
+    # Tests that run beside them in workers of their own, one on each processor, and take the time that they leave.
+    beside: tuple[str, ...] = ()
     modules: tuple[tuple[str, ...], ...] = ()
     again: bool = True  # failed tests run once more
 
 
 PARTS: dict[str, Part] = {
-    "test": Part(("tests/process", "tests/unit"), at_once=4),
+    # The former mostly wait. Each worker collects all tests of its run, so two runs collect half as much as one.
+    "test": Part(("tests/process",), at_once=3, beside=("tests/unit",)),
     "search": Part(("-m", "hypothesis", "--hypothesis-profile=search"), at_once=2),
     "lint": Part(modules=(("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))),
     "system": Part(("tests/system",), at_once=2),
@@ -56,12 +60,17 @@ class Outcome(NamedTuple):
     passed_alone: list[str]  # tests that failed in their first attempt only
 
 
-def run(command: Sequence[str], folder: Path = ROOT) -> int:
-    """Run a Python module with the arguments given; return its exit status."""
-    print("+ python -m", *command, flush=True)
+def run(command: Sequence[str], folder: Path = ROOT, output: IO[str] | None = None) -> int:
+    """Run a Python module with the arguments given; return its exit status.
+
+    With `output`, a file for all that it prints, it gives way to others.
+    """
+    print("+ python -m", *command, file=output, flush=True)
     # Bytecode is saved even where the environment forbids it: each worker would compile all tests again (6 s).
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
-    return subprocess.run([sys.executable, "-m", *command], cwd=folder, env=environment, check=False).returncode
+    line = [*(["nice"] if output else []), sys.executable, "-m", *command]
+    done = subprocess.run(line, cwd=folder, env=environment, stdout=output, stderr=output, check=False)
+    return done.returncode
 
 
 def last_failed(cache: Path) -> list[str]:
@@ -73,17 +82,21 @@ def last_failed(cache: Path) -> list[str]:
 
 
 def run_tests(
-    arguments: Sequence[str], apart: Sequence[str] = (), folder: Path = ROOT, again: int = MAX_SECOND
+    arguments: Sequence[str],
+    apart: Sequence[str] = (),
+    folder: Path = ROOT,
+    again: int = MAX_SECOND,
+    output: IO[str] | None = None,
 ) -> tuple[list[str], list[str]]:
     """Run pytest, then the failed tests alone; return the tests that failed twice, and those that then passed.
 
-    `apart` are arguments of the first run only. `folder` is where pytest starts. If more than `again` tests fail,
-    nothing runs twice.
+    `apart` are arguments of the first run only, and `output` is where it prints, if not to standard output. `folder`
+    is where pytest starts. If more than `again` tests fail, nothing runs twice.
     Another failure (an error while tests are collected, no test at all) is reported by pytest's exit status.
     """
     with tempfile.TemporaryDirectory(prefix="uuv-hil-check-") as cache:  # of its own: parts do not mix
         pytest = ["pytest", "-o", f"cache_dir={cache}", *arguments]
-        status = run([*pytest, *apart], folder)
+        status = run([*pytest, *apart], folder, output)
         if status == 0:
             return [], []
         first = last_failed(Path(cache))
@@ -104,10 +117,20 @@ def run_part(name: str, jobs: int | None, seed: int, again: int = MAX_SECOND, re
     failed = [" ".join(command) for command in check.modules if run(command)]
     passed_alone: list[str] = []
     if check.tests:
-        apart = ["-n", str(jobs or check.at_once * (os.cpu_count() or 1)), *PARALLEL] if check.at_once else []
+        processors = os.cpu_count() or 1
+        apart = ["-n", str(jobs or check.at_once * processors), *PARALLEL] if check.at_once else []
+        aside = ["-n", str(min(jobs or processors, processors)), *PARALLEL]
         random = [f"--hypothesis-seed={seed}"] if name == "search" else []
-        apart += [f"--junitxml={results}/{name}.xml"] if results else []
-        failed, passed_alone = run_tests([*check.tests, *random], apart, again=again if check.again else 0)
+        if results:
+            apart.append(f"--junitxml={results}/{name}.xml")
+            aside.append(f"--junitxml={results}/{name}_beside.xml")
+        with tempfile.TemporaryFile("w+") as output, ThreadPoolExecutor(1) as pool:
+            beside = pool.submit(run_tests, check.beside, aside, again=0, output=output) if check.beside else None
+            failed, passed_alone = run_tests([*check.tests, *random], apart, again=again if check.again else 0)
+            if beside:
+                failed += beside.result()[0]
+                output.seek(0)
+                print(output.read(), flush=True)
     return Outcome(time.monotonic() - began, failed, passed_alone)
 
 
@@ -128,7 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the requested parts; return 1 if any failed."""
     parser = argparse.ArgumentParser(prog="tools.check", description="Run parts of the check, by default all.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
-    parser.add_argument("--jobs", type=int, help="tests that run at a time, by default two or four on each processor")
+    parser.add_argument("--jobs", type=int, help="tests that run at a time, by default two or three on each processor")
     parser.add_argument("--results", default="", metavar="FOLDER", help="keep the outcomes, for tools.reference")
     parser.add_argument("--seed", type=int, default=1, help="of the random search")
     options = parser.parse_args(arguments)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from firmware_stub import build
+from tests.support.once import made_once
 
 SANITIZED = ["gcc", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "--coverage"]
 TOOLS = ("gcc", "gcov")
@@ -17,5 +18,10 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> str:
     if missing := [tool for tool in TOOLS if not shutil.which(tool)]:
         pytest.skip(f"needs {' and '.join(missing)}")
     pytest.importorskip("pymavlink", reason="the core's MAVLink is made with pymavlink")
-    target = str(tmp_path_factory.mktemp("core") / "core")
-    return build.compile_core(target, [str(Path(__file__).with_name("core_main.c"))], SANITIZED, mavlink=True)
+    sources = [str(Path(__file__).with_name("core_main.c"))]
+    folder = made_once(
+        tmp_path_factory,
+        "core",
+        lambda folder: build.compile_core(str(folder / "core"), sources, SANITIZED, mavlink=True),
+    )
+    return str(folder / "core")

@@ -64,6 +64,19 @@ def test_more_failures_than_second_attempts_are_left_fail_at_once(tmp_path: Path
     assert outcome(tmp_path, BY_CHANCE, NEVER, again=1) == (failed, [])
 
 
+def test_tests_beside_a_part_never_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    files = [tmp_path / "test_part.py", tmp_path / "test_beside.py"]
+    for file, text in zip(files, (FINE, NEVER), strict=True):
+        file.write_text(text)
+    monkeypatch.setitem(check.PARTS, "two", check.Part((str(files[0]),), beside=(str(files[1]),)))
+    result = check.run_part("two", 1, 1)
+    assert [name.rpartition("::")[2] for name in result.failed] == ["test_never"]
+    assert result.passed_alone == []
+    assert capfd.readouterr().out.count("1 failed in") == 1, "what ran beside is printed, once"
+
+
 def test_a_whole_run_has_two_second_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
     left = []
 
