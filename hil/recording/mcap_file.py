@@ -5,12 +5,11 @@ flush also writes the shortest valid end, "no index" in 50 bytes, in the same sy
 it, and only `close` writes the index. Schemas are "ros2msg" and messages "cdr", as in recordings of rosbag2.
 """
 
-import os
 from typing import NamedTuple
 
 from hil.common import __version__
 from hil.common.errors import ConfigError
-from hil.recording.mcap_writer import SHORTEST_END, McapWriter
+from hil.recording.mcap_writer import SHORTEST_END, McapWriter, Stream
 from hil.ros.topics import TOPICS, Qos, Topic
 
 # Only in recordings: the number of a step, and the pulses (us, one per channel) from that step on.
@@ -19,9 +18,6 @@ PULSES = Topic("pulses", "std_msgs/msg/Int64MultiArray", 0, "data")
 EPOCHS = Topic("epochs", "std_msgs/msg/Int64MultiArray", 0, "data")
 # Only in recordings: the wall clock minus the log times (ns) from then on, after the clock was set.
 CLOCK_SHIFT = Topic("clock_shift", "std_msgs/msg/Int64MultiArray", 0, "data")
-
-BINARY: int = getattr(os, "O_BINARY", 0)  # without it Windows opens files in text mode
-_to_disk = getattr(os, "fdatasync", os.fsync)  # fdatasync is faster, and only on Linux
 
 
 class Message(NamedTuple):
@@ -65,7 +61,7 @@ class RecordingFile:
 
     def __init__(self, path: str, about: dict[str, str], attachments: dict[str, str], compression: str) -> None:
         self.path = path
-        self._stream = _Stream(path)
+        self._stream = Stream(path)
         self._writer = McapWriter(self._stream, f"uuv-hil {__version__}", compression)
         self._writer.add_metadata("uuv_hil", about)
         for name, text in attachments.items():
@@ -145,51 +141,3 @@ def qos_profile(topic: str) -> str:
         f"  durability: {1 if qos.latched else 2}\n  deadline: {never}\n  lifespan: {never}\n  liveliness: 1\n"
         f"  liveliness_lease_duration: {never}\n  avoid_ros_namespace_conventions: false\n"
     )
-
-
-class _Stream:
-    """Buffer of the bytes that the library writes. `commit` writes them at once, followed by an end."""
-
-    def __init__(self, path: str) -> None:
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | BINARY, 0o644)
-        self._pending = bytearray()
-        self.size = 0  # bytes on disk, without the end
-        self.total = 0  # bytes on disk and in the buffer
-
-    def write(self, data: bytes) -> None:
-        self._pending += data
-        self.total += len(data)
-
-    def tell(self) -> int:
-        return self.total
-
-    def read(self, at: int, size: int) -> bytes:
-        os.lseek(self._descriptor, at, os.SEEK_SET)  # Windows has no pread
-        return os.read(self._descriptor, size)
-
-    def commit(self, end: bytes) -> None:
-        """Write the buffer and `end`. If it raises OSError, the file is as before this call."""
-        try:
-            _write_all(self._descriptor, bytes(self._pending) + end, self.size)
-        except OSError:
-            if self.size:
-                os.ftruncate(self._descriptor, self.size)
-                _write_all(self._descriptor, SHORTEST_END, self.size)
-            raise
-        self.size += len(self._pending)
-        self._pending.clear()
-
-    def sync(self) -> None:
-        _to_disk(self._descriptor)
-
-    def close(self) -> None:
-        os.close(self._descriptor)
-
-
-def _write_all(descriptor: int, data: bytes, at: int) -> None:
-    """Write all bytes, usually by one system call. On a full disk a part is written before it raises OSError."""
-    view = memoryview(data)
-    while view:
-        os.lseek(descriptor, at, os.SEEK_SET)  # Windows has no pwrite
-        written = os.write(descriptor, view)
-        view, at = view[written:], at + written

@@ -4,9 +4,10 @@ This module packs the messages into chunks, which is done thousands of times a s
 record.
 """
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from struct import Struct, pack
-from typing import Any, Protocol
+from typing import Any
 from zlib import crc32
 
 from hil.common.errors import MissingExtraError
@@ -14,6 +15,9 @@ from hil.common.errors import MissingExtraError
 CHUNK = 65536  # bytes before compression; a flush ends the current chunk early
 MAGIC = b"\x89MCAP0\r\n"
 SHORTEST_END = pack("<BQI", 0x0F, 4, 0) + pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC  # no index
+
+BINARY: int = getattr(os, "O_BINARY", 0)  # without it Windows opens files in text mode
+_to_disk = getattr(os, "fdatasync", os.fsync)  # fdatasync is faster, and only on Linux
 
 _MESSAGE = Struct("<BQHIQQ")  # 5, length, channel, sequence, log time, publish time
 _MESSAGE_FIELDS = 22  # bytes of these fields that the length includes
@@ -26,20 +30,57 @@ _WINDOW = 65536  # bytes of the file that are read at once to make the index
 _INDEX = Struct("<BQHI")  # 7, length, channel, bytes of the entries, which are log time and offset in the chunk
 
 
-class Output(Protocol):
-    """The file or buffer that the writer writes to."""
+class Stream:
+    """Buffer of the bytes that a writer makes. `commit` writes them to a new file at once, followed by an end."""
+
+    def __init__(self, path: str) -> None:
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | BINARY, 0o644)
+        self._pending = bytearray()
+        self.size = 0  # bytes on disk, without the end
+        self.total = 0  # bytes on disk and in the buffer
 
     def write(self, data: bytes) -> None:
         """Append bytes."""
+        self._pending += data
+        self.total += len(data)
 
     def tell(self) -> int:
         """Return the number of bytes so far."""
+        return self.total
 
     def read(self, at: int, size: int) -> bytes:
         """Return up to `size` bytes of what is in the file, from the offset `at` on. Raises OSError."""
+        os.lseek(self._descriptor, at, os.SEEK_SET)  # Windows has no pread
+        return os.read(self._descriptor, size)
 
     def commit(self, end: bytes) -> None:
-        """Write what was appended to the file, followed by `end`. Raises OSError."""
+        """Write the buffer and `end`. If it raises OSError, the file is as before this call."""
+        try:
+            _write_all(self._descriptor, bytes(self._pending) + end, self.size)
+        except OSError:
+            if self.size:
+                os.ftruncate(self._descriptor, self.size)
+                _write_all(self._descriptor, SHORTEST_END, self.size)
+            raise
+        self.size += len(self._pending)
+        self._pending.clear()
+
+    def sync(self) -> None:
+        """Wait until the file is on the disk. Raises OSError."""
+        _to_disk(self._descriptor)
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._descriptor)
+
+
+def _write_all(descriptor: int, data: bytes, at: int) -> None:
+    """Write all bytes, usually by one system call. On a full disk a part is written before it raises OSError."""
+    view = memoryview(data)
+    while view:
+        os.lseek(descriptor, at, os.SEEK_SET)  # Windows has no pwrite
+        written = os.write(descriptor, view)
+        view, at = view[written:], at + written
 
 
 class Channel:
@@ -61,7 +102,7 @@ class McapWriter:
     `first_ns` and `last_ns` are the log times of the first and last message, 0 before there is one.
     """
 
-    def __init__(self, output: Output, library: str, compression: str) -> None:
+    def __init__(self, output: Stream, library: str, compression: str) -> None:
         require_library()
         from mcap import records
         from mcap.data_stream import RecordBuilder

@@ -23,6 +23,7 @@ mpl.use("Agg")
 
 from matplotlib import pyplot as plt  # noqa: E402 - after the backend is chosen
 
+from tools.reference.records import anchor  # noqa: E402
 from tools.validations import (  # noqa: E402 - works from a bare checkout too
     bluerov2,
     devices,
@@ -87,7 +88,7 @@ def page(by_sheet: dict[Sheet, list[Finding]]) -> str:
 
 
 def _row(sheet: Sheet, main: Finding) -> str:
-    title = f"[{sheet.title}](#{_anchor(sheet.title)})"
+    title = f"[{sheet.title}](#{anchor(sheet.title)})"
     return f"| {title} | {main.what} | {main.result} | {main.bound} |"
 
 
@@ -97,11 +98,6 @@ def _section(sheet: Sheet, findings: list[Finding]) -> str:
     lines = ["| figure | found | bound |", "|---|---|---|", *rows]
     picture = f"![{sheet.title}](validation/{sheet.name}.png)"
     return "\n".join(["", f"## {sheet.title}", "", text, "", *lines, "", picture, ""])
-
-
-def _anchor(title: str) -> str:
-    """Return the anchor that GitHub makes of a heading."""
-    return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c in "-_")
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -58,24 +58,6 @@ def test_a_written_geotiff_is_read_back(tmp_path: Path) -> None:
         read_sources([str(path)], GeoBox(60.0, 10.0, 60.1, 10.1), 10.0)
 
 
-def test_rasters_are_used_in_order_and_before_soundings(tmp_path: Path) -> None:
-    """The first raster goes before the second, both before soundings, which count where neither has a pixel."""
-    pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    for name, depth, west in (("a", 10.0, -100.0), ("b", 20.0, 0.0)):
-        write_geotiff(
-            Grid(np.full((21, 21), depth, np.float32), -100.0, west, 10.0), (54.0, 10.0), f"{tmp_path}/{name}.tif"
-        )
-    places = np.array([(n, e) for n in range(-100, 101, 20) for e in range(-100, 301, 20)], float)
-    latitude, longitude = geographic(places[:, 0], places[:, 1])
-    rows = "\n".join(f"{lon:.7f},{lat:.7f},30" for lat, lon in zip(latitude, longitude, strict=True))
-    (tmp_path / "c.csv").write_text(f"lon,lat,depth\n{rows}\n")
-    survey, extent = read_sources([f"{tmp_path}/{name}" for name in ("a.tif", "b.tif", "c.csv")], None, 10.0)
-    grid = build(survey, extent, 10.0).model.grid
-    plane = LocalPlane(*survey.origin or (0.0, 0.0))
-    wanted = np.column_stack(plane.to_local(*geographic(np.zeros(4), np.array([-50.0, 50.0, 150.0, 250.0]))))
-    assert grid.at(wanted) == pytest.approx([10.0, 10.0, 20.0, 30.0], abs=0.01)
-
-
 def test_soundings_in_metres_need_a_named_coordinate_system(tmp_path: Path) -> None:
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = tmp_path / "utm.csv"
