@@ -57,7 +57,7 @@ def load_or_build_seabed(
     cached = _load(of_whole) or _load(of_part)
     if cached is not None:
         return cached
-    options = ReadOptions(**declared._asdict(), crop=True, near=near)
+    options = ReadOptions(declared, crop=True, near=near)
     survey, built = read_and_build([path], None, resolution, options, progress)
     seabed = WholeSeabed(built.model, survey.source, survey.origin, built.report)
     with suppress(OSError, ConfigError):  # the disk is full or the folder not writable: it is not cached

@@ -108,6 +108,7 @@ def _build(options: argparse.Namespace) -> int:
     from hil.charts.chart_survey import GeoBox
     from hil.charts.describe import describe
     from hil.charts.sources.combine import ReadOptions
+    from hil.charts.sources.sign import Declared
     from hil.charts.world_file import write_world
 
     path = (
@@ -119,14 +120,11 @@ def _build(options: argparse.Namespace) -> int:
             GeoBox(*options.area) if options.area else None,
             options.resolution,
             ReadOptions(
+                Declared(options.positive, options.crs, options.unit, options.layer),
                 options.updates,
-                options.positive,
                 options.reach,
-                options.crs,
                 options.newest,
                 dict(options.priority),
-                unit=options.unit,
-                layer=options.layer,
             ),
             show_progress,
         )

@@ -16,7 +16,7 @@ from hil.charts.sources.points import Points, is_points, read_points
 from hil.charts.sources.priority import OTHER, RASTER, remove_outranked, require_named
 from hil.charts.sources.rasters import Raster, is_raster, open_raster
 from hil.charts.sources.s57 import Cell, read_cell
-from hil.charts.sources.sign import Declared, Positive
+from hil.charts.sources.sign import Declared
 from hil.charts.sources.survey import Survey, shoalest_in_cell
 from hil.common.errors import ConfigError
 
@@ -32,8 +32,8 @@ POINTS_REACH = 4.0  # distance around soundings in which the bed counts as known
 class ReadOptions(NamedTuple):
     """Options of reading and combining files of depths.
 
+    - `declared`: what the user says of soundings and rasters.
     - `updates`: apply the updates of S-57 charts.
-    - `positive`, `crs`, `unit` and `layer`: see hil.charts.sources.sign.Declared.
     - `reach`: m around single soundings in which the bed counts as known.
     - `newest`: of overlapping rasters of the same priority use the newest instead of the first; rasters without a date
       come last.
@@ -42,16 +42,13 @@ class ReadOptions(NamedTuple):
       default where most soundings are, or around its centre; the survey's notes say so.
     """
 
+    declared: Declared = Declared()
     updates: bool = True
-    positive: Positive = "auto"
     reach: float | None = None
-    crs: str | None = None
     newest: bool = False
     priorities: Mapping[str, int] = MappingProxyType({})
     crop: bool = False
     near: tuple[float, float] | None = None
-    unit: str | None = None
-    layer: str | None = None
 
 
 class _Files(NamedTuple):
@@ -101,8 +98,7 @@ def read_sources(
 
 def _read_files(paths: list[str], options: ReadOptions) -> _Files:
     files = _Files([], [], [], {"cells": [], "loose": [], "rasters": []})
-    priorities = options.priorities
-    declared = Declared(options.positive, options.crs, options.unit, options.layer)
+    priorities, declared = options.priorities, options.declared
     require_named(priorities, paths)
     for path in paths:
         rank = priorities.get(path, OTHER)
@@ -110,7 +106,7 @@ def _read_files(paths: list[str], options: ReadOptions) -> _Files:
             files.cells.append(read_cell(path, options.updates))
             files.ranks["cells"].append(rank)
         elif is_points(path):
-            files.loose.append(read_points(path, *declared))
+            files.loose.append(read_points(path, declared))
             files.ranks["loose"].append(rank)
         else:
             files.rasters.append(_open(path, declared))
@@ -121,7 +117,7 @@ def _read_files(paths: list[str], options: ReadOptions) -> _Files:
 def _open(path: str, declared: Declared) -> Raster:
     ending = os.path.splitext(path)[1].lower()
     if is_raster(path):
-        return open_raster(path, *declared)
+        return open_raster(path, declared)
     if ending[1:].isdigit():
         raise ConfigError(f"{path}: is an update; give the cell (.000), whose updates are found beside it")
     raise ConfigError(

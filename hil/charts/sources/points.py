@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from hil.charts.sources import las
 from hil.charts.sources.sign import (
     Declared,
-    Positive,
     detect_direction,
     first_hint,
     is_depth_name,
@@ -71,20 +70,17 @@ def is_points(path: str) -> bool:
 _Table = tuple[Array, bool, Any, str, str, str]
 
 
-def read_points(
-    path: str, positive: Positive = "auto", crs: str | None = None, unit: str | None = None, layer: str | None = None
-) -> Points:
-    """Return the soundings in the file at `path`, a text or a point cloud; the options are those of `Declared`.
+def read_points(path: str, declared: Declared = Declared()) -> Points:
+    """Return the soundings in the file at `path`, a text or a point cloud.
 
     Columns of a text are separated by semicolons, tabs, commas or blanks. Unless they are separated by commas, a comma
     is a decimal point. The first line may name them: longitude and latitude, or east and north (x and y) in m, and
     depth, elevation or z. By default they are longitude, latitude, depth. Lines that begin with one of COMMENTS are
     skipped. Without a coordinate system the origin of east and north is unknown. Raises ConfigError, MissingExtraError.
     """
-    declared = Declared(positive, crs, unit, layer)
     read = _read_cloud if path.lower().endswith(las.ENDINGS) else _read_text
     rows, geographic, system, name, stated, reading_note = read(path, declared)
-    length, unit_note = depth_unit(path, stated, unit, system)
+    length, unit_note = depth_unit(path, stated, declared.unit, system)
     rows[:, 2] *= length
     if system is not None:
         rows[:, :2], geographic = _degrees(rows, system), True
@@ -94,7 +90,7 @@ def read_points(
     require_possible(path, rows[:, 2])
     low, high, axis = float(rows[:, 2].min()), float(rows[:, 2].max()), vertical_axis(system)[1]
     names = first_hint([name], [os.path.basename(path)])
-    up, note = detect_direction(path, positive, names, low, high, axis)
+    up, note = detect_direction(path, declared.positive, names, low, high, axis)
     note = join_notes(reading_note, unit_note, note, _several_depths(rows, path))
     return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
 

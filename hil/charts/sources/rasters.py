@@ -17,7 +17,6 @@ from hil.charts.sources import netcdf
 from hil.charts.sources.s102 import with_uncertainty
 from hil.charts.sources.sign import (
     Declared,
-    Positive,
     detect_direction,
     first_hint,
     is_depth_name,
@@ -119,12 +118,10 @@ def _no_data(source: Any, band: int) -> float | None:
     return np.nan if declared is None and source.dtypes[band - 1].startswith("float") else declared
 
 
-def open_raster(
-    path: str, positive: Positive = "auto", crs: str | None = None, unit: str | None = None, layer: str | None = None
-) -> Raster:  # fmt: skip
-    """Return the raster of the band or variable `layer`, else of the one named as depths or heights, else the first.
+def open_raster(path: str, declared: Declared = Declared()) -> Raster:
+    """Return the raster of the declared band or variable, else of the one named as depths or heights, else the first.
 
-    The options are those of `Declared`. Without a coordinate system, positions in degrees are WGS 84. No shift between
+    Without a coordinate system, positions in degrees are WGS 84. No shift between
     vertical datums is applied. The format follows from the ending of the name, of a .grd also from its first bytes.
     Raises ConfigError, MissingExtraError.
     """
@@ -135,7 +132,7 @@ def open_raster(
     except ImportError:
         raise MissingExtraError(f"{path}: rasters need rasterio: pip install 'uuv-hil[raster]'") from None
     check_file(path, sys.maxsize)  # no limit: only the needed part is read
-    driver, declared = _driver(path), Declared(positive, crs, unit, layer)
+    driver = _driver(path)
     try:
         with warnings.catch_warnings(), rasterio.Env(GTIFF_REPORT_COMPD_CS=True):  # with their vertical axis
             # A NetCDF as a whole has no position; _describe_raster checks that of the variable.
@@ -149,7 +146,9 @@ def open_raster(
                 options = FINEST if float(source.tags().get("MIN_RESOLUTION_X", 0.0)) > 0.0 else {}
             with rasterio.open(file, driver=driver, **options) as source:
                 band = number or _band(path, source, declared)
-                if source.count > 1 and not (number or layer or is_depth_name(source.descriptions[band - 1] or "")):
+                if source.count > 1 and not (
+                    number or declared.layer or is_depth_name(source.descriptions[band - 1] or "")
+                ):
                     note = f"{path}: the first of its {source.count} bands is used, none has a name of depths (--layer)"
                 found = _describe_raster(path, file, source, band, declared)
                 return found._replace(options=options, memory=memory, note=join_notes(note, found.note))

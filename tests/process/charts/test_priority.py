@@ -11,6 +11,7 @@ from hil.charts.build import build
 from hil.charts.grid import Grid
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import ReadOptions, read_sources
+from hil.charts.sources.sign import Declared
 from hil.commands import world as command
 from hil.common.errors import ConfigError
 
@@ -37,7 +38,7 @@ def soundings(path: Path, depth: float, west: float, east: float) -> str:
 
 
 def bed(files: list[str], priorities: dict[str, int] | None = None) -> tuple[Grid, LocalPlane, Any]:
-    survey, extent = read_sources(files, None, 50.0, ReadOptions(positive="down", priorities=priorities or {}))
+    survey, extent = read_sources(files, None, 50.0, ReadOptions(Declared("down"), priorities=priorities or {}))
     built = build(survey, extent, 50.0)
     assert survey.origin
     return built.model.grid, LocalPlane(*survey.origin), built.report

@@ -11,6 +11,7 @@ from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import Raster, open_raster
+from hil.charts.sources.sign import Declared
 from hil.common.errors import ConfigError
 
 ROWS, COLUMNS = np.mgrid[0:30, 0:40]
@@ -50,7 +51,7 @@ def test_the_first_of_three_unnamed_bands_is_taken(tmp_path: Path) -> None:
     path = write(tmp_path / "three.tif", -DEPTHS, np.full((30, 40), 0.5), np.ones((30, 40)))
     assert depth_of(open_raster(path)) == MIDDLE
     assert "the first of its 3 bands is used" in open_raster(path).note
-    assert open_raster(path, "up", layer="2").band == 2
+    assert open_raster(path, Declared("up", layer="2")).band == 2
 
 
 @pytest.mark.parametrize(("name", "unit", "length"), [
@@ -76,14 +77,14 @@ def test_an_undeclared_no_data_value_out_of_range_is_refused(mark: float, tmp_pa
     path = tmp_path / "marks.csv"
     path.write_text("lon,lat,depth\n10,54,10\n10.001,54,-99999\n10,54.001,30\n")
     with pytest.raises(ConfigError, match="which cannot be depths"):
-        read_points(str(path), "down")
+        read_points(str(path), Declared("down"))
 
 
 def test_a_local_coordinate_system_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "pool.tif", -DEPTHS, crs='LOCAL_CS["pool",UNIT["metre",1]]')
     with pytest.raises(ConfigError, match=r"pool\.tif: .*no coordinate system: name it, for example --crs EPSG:32605"):
         open_raster(path)
-    assert depth_of(open_raster(path, crs="EPSG:32632")) == MIDDLE
+    assert depth_of(open_raster(path, Declared(crs="EPSG:32632"))) == MIDDLE
 
 
 def test_metres_declared_as_degrees_are_refused_with_the_remedy(tmp_path: Path) -> None:
@@ -142,7 +143,7 @@ def test_a_raster_that_is_all_positive_needs_a_hint(tmp_path: Path) -> None:
     for path in (bare, write(tmp_path / "metres.tif", DEPTHS, unit="m")):
         with pytest.raises(ConfigError, match="nothing states whether they are heights or depths: use --positive up"):
             open_raster(path)
-    assert depth_of(open_raster(bare, "down")) == MIDDLE
+    assert depth_of(open_raster(bare, Declared("down"))) == MIDDLE
     assert open_raster(write(tmp_path / "lake_depth.tif", DEPTHS)).scale == 1.0
     assert open_raster(write(tmp_path / "lake_dem.tif", DEPTHS)).scale == -1.0
     assert open_raster(write(tmp_path / "lake.tif", DEPTHS, unit="fathom")).scale == 1.8288
@@ -176,7 +177,9 @@ def test_a_grd_is_read_as_a_grid_of_gmt_or_of_surfer(driver: str, tmp_path: Path
     number = np.arange(40)  # a square, as GDAL 3.12 writes no other grid of GS7BG
     depths = 20.0 + 0.3 * number[:, None] + 0.2 * number
     copy(write(tmp_path / "bed.tif", -depths, **where), str(tmp_path / "bed.grd"), driver=driver)
-    assert depth_of(open_raster(str(tmp_path / "bed.grd"), "up")) == pytest.approx(20.0 + 0.5 * 19.5, abs=0.05)
+    assert depth_of(open_raster(str(tmp_path / "bed.grd"), Declared("up"))) == pytest.approx(
+        20.0 + 0.5 * 19.5, abs=0.05
+    )
 
 
 def test_a_picture_with_a_position_is_refused(tmp_path: Path) -> None:
@@ -197,7 +200,7 @@ def test_heights_named_as_depths_are_not_made_land(tmp_path: Path) -> None:
     for name in ("depth_chart.tif", "chart.tif"):
         with pytest.raises(ConfigError, match=r"--positive down.*--positive up|--positive up or --positive down"):
             open_raster(write(folder / name, heights))
-    assert depth_of(open_raster(write(folder / "depth.tif", heights), "up")) == pytest.approx(
+    assert depth_of(open_raster(write(folder / "depth.tif", heights), Declared("up"))) == pytest.approx(
         20.0 * 28.25 - 500.0, abs=1.0
     )
     drying = open_raster(write(folder / "depth.tif", DEPTHS - 25.0))

@@ -14,7 +14,7 @@ from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import open_raster
-from hil.charts.sources.sign import Positive
+from hil.charts.sources.sign import Declared, Positive
 from hil.commands import world as command
 from hil.common.errors import ConfigError
 
@@ -64,16 +64,16 @@ def test_soundings_in_metres_need_a_named_coordinate_system(tmp_path: Path) -> N
     path.write_text("easting,northing,depth\n565000,5984000,5\n565100,5984000,6\n565000,5984100,7\n")
     with pytest.raises(ConfigError, match="an unknown coordinate system: name it, for example --crs EPSG:32605"):
         read_points(str(path))
-    points = read_points(str(path), crs="EPSG:32632")
+    points = read_points(str(path), Declared(crs="EPSG:32632"))
     assert points.geographic
     assert points.positions[0] == pytest.approx([54.0, 10.0], abs=0.01)
     bare = tmp_path / "bare_depth.csv"
     bare.write_text("565000,5984000,5\n565100,5984000,6\n")
-    assert "names no columns: read as east, north and depth" in read_points(str(bare), crs="EPSG:32632").note
+    assert "names no columns: read as east, north and depth" in read_points(str(bare), Declared(crs="EPSG:32632")).note
     north, east = LocalPlane(*points.positions[0]).to_local(*points.positions[1:].T)
     assert np.hypot(north, east) == pytest.approx([100.0, 100.0], abs=0.1)
     with pytest.raises(ConfigError, match="--crs: EPSG:1: unknown coordinate system"):
-        read_points(str(path), crs="EPSG:1")
+        read_points(str(path), Declared(crs="EPSG:1"))
 
 
 def test_the_newer_survey_is_used_on_request(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_a_raster_that_names_a_host_is_refused_without_a_connection(kind: str, t
             f"<SourceFilename>/vsicurl/{address}.tif</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>",
         }[kind])  # fmt: skip
         with pytest.raises(ConfigError, match="cannot be read as a raster"):
-            open_raster(str(path), "down")
+            open_raster(str(path), Declared("down"))
         host.setblocking(False)
         with pytest.raises(BlockingIOError):
             host.accept()
@@ -137,7 +137,7 @@ def test_a_needle_is_kept_on_a_coarser_grid(tmp_path: Path, sign: float, step: f
     east, north = np.meshgrid(np.arange(120.0), np.arange(120.0))
     rows = np.column_stack([east.ravel(), north.ravel(), depths.ravel()])
     np.savetxt(tmp_path / "needles.csv", rows, "%.2f", ",", header="east,north,depth", comments="")
-    for file, how in ((path, ReadOptions(positive=positive)), (str(tmp_path / "needles.csv"), ReadOptions())):
+    for file, how in ((path, ReadOptions(Declared(positive))), (str(tmp_path / "needles.csv"), ReadOptions())):
         survey, extent = read_sources([file], None, step, how)
         bed = build(survey, extent, step).model.grid.depths
         assert np.nanmin(bed) == pytest.approx(5.0, abs=0.3)

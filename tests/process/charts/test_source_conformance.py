@@ -14,6 +14,7 @@ from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import open_raster
+from hil.charts.sources.sign import Declared
 from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
@@ -89,7 +90,7 @@ def at_places(path: str, shift: float = 0.0, truth: Callable[[Array, Array], Arr
     north, east = (part.ravel() for part in np.meshgrid(step[::12], step[::16], indexing="ij"))
     local = f"+proj=ortho +lat_0={MIDDLE[0]} +lon_0={MIDDLE[1]} +datum=WGS84"
     longitude, latitude = (np.array(part) for part in warp.transform(local, "EPSG:4326", east, north))
-    found = open_raster(path, **options)
+    found = open_raster(path, Declared(**options))
     plane = LocalPlane(MIDDLE[0], (MIDDLE[1] + shift + 180.0) % 360.0 - 180.0)
     depths = found.depths(plane, step, step)[::12, ::16].ravel()
     assert depths == pytest.approx(truth(latitude, longitude), abs=0.06)
@@ -136,7 +137,7 @@ def test_feet_heights_times_and_variables(tmp_path: Path) -> None:
     times = write_netcdf(tmp_path / "d.nc", dims="ytx")
     assert not at_places(times, truth=lambda y, x: truth(y, x) + 10.0, layer="depth:3")
     with pytest.raises(ConfigError, match=r"--layer :4: depth of .* has 3"):
-        open_raster(times, layer="4")
+        open_raster(times, Declared(layer="4"))
     two = write_netcdf(tmp_path / "e.nc", name="depth_smoothed")
     with h5py.File(two, "a") as file:
         file["depth"] = file["depth_smoothed"][:] + 7.0
@@ -146,7 +147,7 @@ def test_feet_heights_times_and_variables(tmp_path: Path) -> None:
     assert "depth is used (--layer for depth_smoothed)" in note
     assert not at_places(two, layer="depth_smoothed")
     with pytest.raises(ConfigError, match=r"--layer sand: .* has depth, depth_smoothed"):
-        open_raster(two, layer="sand")
+        open_raster(two, Declared(layer="sand"))
 
 
 def bent(row: Array, column: Array, place: str) -> tuple[Array, Array, Array]:
@@ -253,7 +254,7 @@ def test_values_of_8_bits_are_asked_about(tmp_path: Path) -> None:
         file.write(np.full((1, 9, 9), 90, "u1"))
     with pytest.raises(ConfigError, match="8 bits may be shades of a picture: if they are whole metres, use --unit m"):
         open_raster(path)
-    assert open_raster(path, unit="fathom").scale == pytest.approx(1.8288)
+    assert open_raster(path, Declared(unit="fathom")).scale == pytest.approx(1.8288)
 
 
 @pytest.mark.parametrize(("text", "options", "found"), [
@@ -278,9 +279,9 @@ def test_columns_degrees_and_feet_of_texts(
     path.write_text(text)
     if isinstance(found, str):
         with pytest.raises(ConfigError, match=found):
-            read_points(str(path), **options)  # type: ignore[arg-type] # any option
+            read_points(str(path), Declared(**options))  # type: ignore[arg-type] # any option
         return
-    points = read_points(str(path), **options)  # type: ignore[arg-type] # any option
+    points = read_points(str(path), Declared(**options))  # type: ignore[arg-type] # any option
     assert ("--layer for raw_depth" in points.note) == ("raw_depth" in text)
     assert (*points.positions[0], points.depths[0]) == pytest.approx(found, abs=1e-6)
 

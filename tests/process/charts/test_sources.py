@@ -18,6 +18,7 @@ from hil.charts.projection import LocalPlane
 from hil.charts.sources import points
 from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.points import read_points
+from hil.charts.sources.sign import Declared
 from hil.commands import world as command
 from hil.common.errors import ConfigError
 from sim.environment.obstacles import STANDING
@@ -58,11 +59,11 @@ def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Pat
     path.write_bytes(gzip.compress(b"x,y,z\n100,200,-5\n110,210,2\n120,220,-6\n"))
     with pytest.raises(ConfigError, match=r"from -6 to 2 m, and nothing states .*--positive up or --positive down"):
         read_points(str(path))
-    points = read_points(str(path), "up")
+    points = read_points(str(path), Declared("up"))
     assert not points.geographic
     assert points.positions[0].tolist() == [200.0, 100.0]
-    assert read_points(str(path), "down").depths.tolist() == [-5.0, 2.0, -6.0]
-    assert read_points(str(path), "up").depths.tolist() == [5.0, -2.0, 6.0]
+    assert read_points(str(path), Declared("down")).depths.tolist() == [-5.0, 2.0, -6.0]
+    assert read_points(str(path), Declared("up")).depths.tolist() == [5.0, -2.0, 6.0]
 
 
 @pytest.mark.parametrize(("text", "output"), [

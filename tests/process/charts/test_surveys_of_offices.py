@@ -13,6 +13,7 @@ from hil.charts.build import build
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.rasters import open_raster
+from hil.charts.sources.sign import Declared
 from hil.common.errors import ConfigError
 
 h5py = pytest.importorskip("h5py", reason="reads and writes HDF5: pip install 'uuv-hil[raster]'")
@@ -113,7 +114,7 @@ def test_a_bag_of_variable_resolution_is_read_at_its_finest_resolution(tmp_path:
     path = varying_bag(tmp_path / "vr.bag")
     with pytest.raises(ConfigError, match="name it, for example --crs"):
         open_raster(path)
-    survey, extent = read_sources([path], None, options=ReadOptions(crs="EPSG:32632"))
+    survey, extent = read_sources([path], None, options=ReadOptions(Declared(crs="EPSG:32632")))
     grid = build(survey, extent).model.grid
     assert grid.resolution == pytest.approx(3.0, abs=0.2)
     east = np.array([500030.0, 500085.0, 500120.0])
