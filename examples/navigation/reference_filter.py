@@ -1,8 +1,8 @@
-"""A reference filter: inertial navigation, aided by velocity log, depth, heading, and acoustic positions or GPS.
+"""A reference filter: inertial navigation, aided by velocity log, depth, heading, and acoustic positions.
 
 An error-state Kalman filter (Solà 2017, arXiv 1711.02508, with the errors of the attitude in body axes). It has 35
 states: position, velocity and attitude; slow and fast biases of gyros and accelerometers; scale, bias and misalignment
-of the velocity log; bias of the depth and of the heading; errors of the positioning system. Only white noise of sensors
+of the velocity log; bias of the depth and of the heading; errors of the acoustic positions. Only white noise of sensors
 is noise of the filter. Errors that are correlated in time are states: docs/explanation/covariances.md says why.
 
 The numbers are those of the devices of the scenario. As a planner, it goes straight to the goal by its own position:
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 # States: errors of position (m, NED), velocity (m/s, NED), attitude (rad, body axes), and what makes the sensors err.
 POSITION, VELOCITY, ATTITUDE, GYRO, FORCE, FAST_GYRO, FAST_FORCE = (slice(at, at + 3) for at in range(0, 21, 3))
-SCALE, BIAS, TURN, AID = (slice(at, at + 3) for at in range(21, 33, 3))
+SCALE, BIAS, TURN, USBL = (slice(at, at + 3) for at in range(21, 33, 3))
 DEPTH, HEADING, STATES = 33, 34, 35
 MOVING, INERTIAL, FAST = slice(0, 9), slice(0, 21), slice(15, 21)
 
@@ -57,15 +57,15 @@ def walk(model: Any, time: float) -> float:
 
 
 class ReferenceFilter:
-    """The filter. `imu`, `dvl`, `pressure` and `aid` (a USBL, a GPS or none) are devices as sim.load_device has them.
+    """The filter. `imu`, `dvl`, `pressure` and `usbl` are devices as sim.load_device has them.
 
     The axes of the vehicle are those of its IMU. Gravity in m/s², density of the water in kg/m³.
     """
 
     def __init__(
-        self, imu: Any, dvl: Any, pressure: Any, aid: Any = None, gravity: float = 9.81, density: float = 1025.0
+        self, imu: Any, dvl: Any, pressure: Any, usbl: Any = None, gravity: float = 9.81, density: float = 1025.0
     ) -> None:
-        self.imu, self.dvl, self.pressure, self.aid = imu.model, dvl.model, pressure.model, aid and aid.model
+        self.imu, self.dvl, self.pressure, self.usbl = imu.model, dvl.model, pressure.model, usbl and usbl.model
         self._gravity, self._weight = np.array([0.0, 0.0, gravity]), density * gravity
         self._misalignment = hypot(imu.mounting.misalignment, dvl.mounting.misalignment)
         self._dvl_axes, self._dvl_at = matrix(dvl.mounting.quaternion), np.array(dvl.mounting.position)
@@ -73,11 +73,6 @@ class ReferenceFilter:
         self._heading = self.imu.heading or self.imu.attitude
         flicker = [self.imu.angular_velocity.flicker] * 3 + [self.imu.acceleration.flicker] * 3
         self._fast = FLICKER * np.array(flicker) ** 2
-        self._aid = np.zeros(3)
-        if hasattr(self.aid, "range"):  # a USBL
-            self._aid[:] = self.aid.range.scale**2, slow(self.aid.angle), slow(self.aid.angle)
-        elif self.aid:
-            self._aid[:] = slow(self.aid.horizontal), slow(self.aid.horizontal), slow(self.aid.vertical)
         self.time_ns: int | None = None
         self.rejected = 0
 
@@ -98,7 +93,8 @@ class ReferenceFilter:
         start[FAST] = self._fast
         start[SCALE], start[BIAS], start[TURN] = accuracy.scale**2, slow(accuracy), self._misalignment**2
         start[DEPTH], start[HEADING] = slow(self.pressure.error) / self._weight**2 + deep**2, heading
-        start[AID] = self._aid
+        if self.usbl:
+            start[USBL] = self.usbl.range.scale**2, slow(self.usbl.angle), slow(self.usbl.angle)
         self.covariance: Array = np.diag(start)
         # the heading that it starts with has the error that the heading sensor has
         self.covariance[8, HEADING] = self.covariance[HEADING, 8] = -heading
@@ -151,9 +147,6 @@ class ReferenceFilter:
         added[FAST] = self._fast * (1.0 - kept[FAST] ** 2)
         kept[HEADING] = exp(-dt / self._heading.bias_time)
         added[HEADING] = slow(self._heading) * (1.0 - kept[HEADING] ** 2)
-        if hasattr(self.aid, "horizontal"):  # a GPS
-            kept[AID] = exp(-dt / self.aid.horizontal.bias_time)
-            added[AID] = self._aid * (1.0 - kept[AID] ** 2)
         self.bias *= kept
         self.covariance = p * kept * kept[:, None] + np.diag(added)
 
@@ -193,25 +186,18 @@ class ReferenceFilter:
         self._update(h, np.array([deep - expected]), np.array([[noise / self._weight**2]]))
 
     def on_usbl(self, sample: Any) -> None:
-        """Take up a position of a USBL: the scale of its range and its constant angles are states."""
-        off = np.array(sample.position) - self.aid.station
+        """Take up a position of the past: the scale of its range and its constant angles are states."""
+        then = next((at for stamp, at in reversed(self._track) if stamp <= sample.time_ns), self.position)
+        model, period, off = self.usbl, 1.0 / self.usbl.rate, np.array(sample.position) - self.usbl.station
         distance, level = float(np.linalg.norm(off)), hypot(off[0], off[1]) or 1e-9
         line, starboard = off / distance, np.array([-off[1], off[0], 0.0]) / level
-        along = white(self.aid.range, 1.0 / self.aid.rate) + (self.aid.range.noise_share * distance) ** 2
-        across = white(self.aid.angle, 1.0 / self.aid.rate) * distance**2
-        noise = across * np.eye(3) + (along - across) * np.outer(line, line)
+        along = white(model.range, period) + (model.range.noise_share * distance) ** 2
+        across = white(model.angle, period) * distance**2
         effects = np.column_stack([off, distance * cross_matrix(line) @ starboard, distance * starboard])
-        self.on_position(sample.time_ns, sample.position, noise, effects)
-
-    def on_position(self, time_ns: int, position: Sequence[float], noise: Array, effects: Array) -> None:
-        """Take up a position (m, NED) of the past; `effects` are those of the three errors of the positioning system.
-
-        For a GPS `noise` is that of its white noise, and `effects` the unit matrix.
-        """
-        then = next((at for stamp, at in reversed(self._track) if stamp <= time_ns), self.position)
         h = np.zeros((3, STATES))
-        h[:, POSITION], h[:, AID] = np.eye(3), effects
-        self._update(h, np.array(position) - then - effects @ self.bias[AID], noise)
+        h[:, POSITION], h[:, USBL] = np.eye(3), effects
+        noise = across * np.eye(3) + (along - across) * np.outer(line, line)
+        self._update(h, np.array(sample.position) - then - effects @ self.bias[USBL], noise)
 
     def _update(self, h: Array, residual: Array, noise: Array) -> None:
         """Correct the solution, unless the measurement is an outlier.
@@ -248,10 +234,10 @@ class StraightByFilter(Planner):
     subscriptions = ("imu", "dvl", "pressure", "usbl")
 
     def __init__(self, imu: str, dvl: str, pressure: str, usbl: str = "") -> None:
-        aid = load_device(usbl) if usbl else None
-        self.filter = ReferenceFilter(load_device(imu), load_device(dvl), load_device(pressure), aid)
+        devices = [load_device(name) for name in (imu, dvl, pressure, usbl) if name]
+        self.filter = ReferenceFilter(*devices)
         self._handlers = {"imu": self.filter.on_imu, "dvl": self.filter.on_dvl, "pressure": self.filter.on_pressure}
-        if aid:
+        if usbl:
             self._handlers["usbl"] = self.filter.on_usbl
         self._newest: dict[str, int] = {}
 

@@ -48,7 +48,7 @@ checks each figure against its bound. The tool needs the packages of the tests: 
 
 Tests compare the rest with theory: energy of free and floating bodies (`tests/unit/sim/test_dynamics.py`,
 `vehicle/test_buoyancy.py`), fins, hull lift and cross flow (`vehicle/test_surfaces.py`), ballast and battery
-(`vehicle/test_ballast.py`, `test_battery.py`), currents and tides (`environment/test_currents.py`), noise and bias at
+(`vehicle/test_ballast.py`, `test_battery.py`), currents and tides (`environment/test_currents.py`), the bias at
 any rate (`sensors/test_sensor_error.py`), and level flight (`tests/system/sim/test_level_flight.py`).
 
 | in the pictures | is |
