@@ -102,3 +102,23 @@ def test_the_age_of_a_command_counts_from_the_first_report_that_shows_it() -> No
         found = host.feed(device.encode(shown))
         ages += [message.age_us for message in found if isinstance(message, ThrusterTelemetry)]
     assert ages == [0, 1300, 0, 1200]
+
+
+def test_reports_of_others_and_late_figures_are_ignored() -> None:
+    host, device, other = host_end(clock=CLOCK), device_end(clock=CLOCK), Peer(1, 9)
+    servos = dialect.MAVLink_servo_output_raw_message
+    assert host.feed(other.pack(servos(9, 0, *PULSES, *OFF)) + Peer(1, 1).pack(servos(9, 1, *PULSES, *OFF))) == []
+
+    def errors(sender: Peer, number: int, count: int) -> int:
+        sender.mavlink.seq = number
+        host.feed(sender.pack(dialect.MAVLink_sys_status_message(0, 0, 0, 0, 0, -1, -1, 0, count, 0, 0, 0, 0)))
+        (report,) = host.feed(Peer(1, 1).pack(servos(9, 0, *PULSES, *OFF)))
+        assert isinstance(report, ThrusterTelemetry)
+        return report.errors
+
+    rows = ((40, 5), (39, 4), (24, 4), (23, 6), (22, 5), (200, 7))  # by up to 16 late; others come after a restart
+    assert [errors(Peer(1, 1), *row) for row in rows] == [5, 5, 5, 6, 6, 7]
+    assert errors(other, 201, 99) == 7
+    for end, message in ((device, REPORT), (host, ThrusterCommand(1, True, PULSES))):
+        with pytest.raises(ValueError, match="3"):
+            end.encode(message._replace(pwm_us=PULSES[:3]))
