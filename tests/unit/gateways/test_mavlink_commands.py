@@ -10,6 +10,7 @@ from hil.common.clock import NS_PER_S
 from hil.gateways.mavlink.flight.modes import Mode, mode_of
 from hil.gateways.mavlink.flight.sticks import CENTRED, Joystick, Sticks
 from hil.gateways.mavlink.flight.targets import Target
+from hil.gateways.mavlink.snapshot import Origin
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
 from tests.support.clients.mavlink_vehicle import Bench
@@ -75,6 +76,18 @@ def test_a_turn_in_guided_keeps_the_place(params: tuple[float, ...], result: int
     if target:
         assert target.position == (3.0, 0.0, 2.0)
         assert target.heading == pytest.approx(heading)
+
+
+@pytest.mark.parametrize(
+    ("place", "taken"),
+    [((90 * 10**7, 180 * 10**7, 10**7), True), ((-90 * 10**7, -180 * 10**7, -(10**7)), True),
+     ((90 * 10**7 + 1, 0, 0), False), ((0, 180 * 10**7 + 1, 0), False), ((0, 0, 10**7 + 1), False),
+     ((-90 * 10**7 - 1, 0, 0), False), ((0, -180 * 10**7 - 1, 0), False), ((0, 0, -(10**7) - 1), False)],
+)  # fmt: skip
+def test_an_origin_is_a_place_on_the_earth(place: tuple[int, int, int], taken: bool) -> None:
+    bench = Bench(origin=None)
+    bench.partner.send(dialect.MAVLink_set_gps_global_origin_message(1, *place))
+    assert bench.core.origin == (Origin(place[0] * 1e-7, place[1] * 1e-7, place[2] * 1e-3) if taken else None)
 
 
 COMMANDS: dict[str, tuple[int, tuple[float, ...], int]] = {  # command, parameters, result

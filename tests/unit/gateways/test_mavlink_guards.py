@@ -345,18 +345,6 @@ def test_home_is_where_it_was_first_seen_and_the_origin_is_set_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "taken"),
-    [((90 * 10**7, 180 * 10**7, 10**7), True), ((-90 * 10**7, -180 * 10**7, -(10**7)), True),
-     ((90 * 10**7 + 1, 0, 0), False), ((0, 180 * 10**7 + 1, 0), False), ((0, 0, 10**7 + 1), False),
-     ((-90 * 10**7 - 1, 0, 0), False), ((0, -180 * 10**7 - 1, 0), False), ((0, 0, -(10**7) - 1), False)],
-)  # fmt: skip
-def test_an_origin_is_a_place_on_the_earth(place: tuple[int, int, int], taken: bool) -> None:
-    bench = Bench(origin=None)
-    bench.partner.send(dialect.MAVLink_set_gps_global_origin_message(1, *place))
-    assert bench.core.origin == (Origin(place[0] * 1e-7, place[1] * 1e-7, place[2] * 1e-3) if taken else None)
-
-
-@pytest.mark.parametrize(
     ("mask", "frame", "alt", "expected"),
     [
         (0b110111111000, dialect.MAV_FRAME_GLOBAL, -4.0, (0.0, 0.0, 104.0)),
