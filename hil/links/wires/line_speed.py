@@ -11,7 +11,8 @@ from hil.links.wires.terminal import PtyWire
 class SpeedWire(Wire):
     """A pseudo terminal, which it owns, as the UART of a device at `baud` bit/s.
 
-    What passes between two speeds arrives as a UART samples it. A program that sets no speed has the first one. With
+    What passes between two speeds arrives as a UART samples it; received bytes have the speed that the program has when
+    they are read, so it waits for an answer before it changes it. A program that sets no speed has the first one. With
     `automatic` bytes the device takes the speed at which a program sends these, as those do that measure the first one.
     """
 

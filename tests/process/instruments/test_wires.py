@@ -7,12 +7,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from struct import unpack_from
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 import serial
 from keller_protocol.keller_protocol import KellerProtocol
-from pyubx2 import SET, UBX_PROTOCOL, UBXMessage, UBXReader
 from trdi_adcp_readers.pd0 import pd0_parser
 from vectornav import VN200
 
@@ -33,7 +32,7 @@ SENSORS = """
 rate = 5.0
 position = [0.0, 0.0, -0.6]
 instrument = "ublox_m9"
-at = ["pty:{folder}/gps", "tcp:127.0.0.1:{tcp}"]
+at = "pty:{folder}/gps"
 
 [sensors.imu]
 rate = 100.0
@@ -54,11 +53,10 @@ at = ["pty:{folder}/x150", "pty:{folder}/x110"]
 """
 
 
-class Wires:
+class Wires(NamedTuple):
     """Where the instruments of a running slave stand."""
 
-    def __init__(self, folder: Path, tcp: int) -> None:
-        self.folder, self.tcp = folder, tcp
+    folder: Path
 
     def line(self, name: str) -> str:
         """Return the path of a pseudo-terminal."""
@@ -67,15 +65,15 @@ class Wires:
 
 @pytest.fixture(scope="module")
 def wires(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Wires]:
-    folder, tcp = tmp_path_factory.mktemp("wires"), free_port()
+    folder = tmp_path_factory.mktemp("wires")
     (folder / "world.toml").write_text(WORLD)
     scenario, _ = write_scenario(folder)
     text = scenario.read_text().replace('world = "pool"', 'world = "world.toml"').replace("depth = 2", "depth = 0", 1)
-    scenario.write_text(text + SENSORS.format(folder=folder, tcp=tcp))
+    scenario.write_text(text + SENSORS.format(folder=folder))
     with Program(folder, "slave", scenario) as slave:
         for name in ("gps", "imu", "pressure", "dvl", "usbl"):
-            slave.expect(f"{name}: .* at (pty|tcp):")
-        yield Wires(folder, tcp)
+            slave.expect(f"{name}: .* at pty:")
+        yield Wires(folder)
 
 
 def listens(port: int) -> bool:
@@ -128,21 +126,6 @@ def test_ubxtool_asks_for_version_and_configuration(wires: Wires, option: str, a
     assert wait_for(is_answered)
 
 
-def test_pyubx2_configures_over_tcp_and_reads_positions(wires: Wires) -> None:
-    with socket.create_connection(("127.0.0.1", wires.tcp), PATIENCE_S) as connection:
-        connection.sendall(UBXMessage("CFG", "CFG-MSG", SET, payload=b"\x01\x07\x01").serialize())
-        reader = UBXReader(connection, protfilter=UBX_PROTOCOL, quitonerror=2)
-        parsed = {}
-        for _, message in reader:
-            parsed[message.identity] = message
-            if message.identity == "NAV-PVT" and message.fixType == 3:
-                break
-    assert (parsed["ACK-ACK"].clsID, parsed["ACK-ACK"].msgID) == (6, 1)
-    assert parsed["NAV-PVT"].lat == pytest.approx(57.7, abs=1e-3)
-    seconds = parsed["NAV-PVT"].hour * 3600 + parsed["NAV-PVT"].min * 60 + parsed["NAV-PVT"].second
-    assert (time.time() - seconds + 30.0) % 86_400.0 < 60.0  # the wall clock's
-
-
 def test_the_driver_of_a_vn200_reads_attitude_and_field(wires: Wires) -> None:
     with VN200(wires.line("imu"), timeout=PATIENCE_S) as unit:
         assert unit.read_model_number().startswith("VN-200")
@@ -185,15 +168,15 @@ def test_a_client_changes_the_speed_of_a_line_and_reads_rubbish_until_it_follows
         def is_readable(baud: int) -> bool:
             line.baudrate = baud
             line.reset_input_buffer()
-            return b"$VN" in line.read(300)
+            return b"$VN" in line.read(1200)[-300:]  # the first may have come before the change
 
         assert [is_readable(baud) for baud in (115_200, 57_600, 115_200)] == [True, False, True]
         line.write(b"$VNWRG,05,9600*XX\r\n")
         assert line.read_until(b"$VNWRG,05,9600*")
-        line.read(200)  # what was sent before
         assert [is_readable(baud) for baud in (115_200, 9600)] == [False, True]
         began = time.monotonic()
-        line.read(1500)
-        assert time.monotonic() - began > 0.5  # a second at 9600 bit/s, without what has waited
+        line.read(3200)
+        assert time.monotonic() - began > 0.9  # without the 2 kB that may have waited; at 115,200 bit/s 0.7 s
         line.write(b"$VNWRG,05,115200*XX\r\n")
-        assert wait_for(lambda: is_readable(115_200))
+        assert line.read_until(b"$VNWRG,05,115200*")
+        assert is_readable(115_200)
