@@ -43,7 +43,7 @@ class UsblRounds:
         self._turns = {head: [node for node in nodes if node != head] for head in heads}
         self._due_ns = {head: (i + 1) * period_ns // (len(heads) + 1) for i, head in enumerate(heads)}
         self._angles = [ErrorProcess(angle, period_ns * 1e-9, sensor_random(seed, f"usbl/{axis}")) for axis in (0, 1)]
-        self._variances = variance(range_error, period_ns * 1e-9), variance(angle, period_ns * 1e-9)
+        self._range_error, self._angle_variance = range_error, variance(angle, period_ns * 1e-9)
         self._replied: dict[str, Vector3] = {}  # position of each vehicle at its last reply
 
     def ask(self, time_ns: int, positions: Mapping[str, Vector3]) -> None:
@@ -80,8 +80,8 @@ class UsblRounds:
         line = (north / size, east / size, down / size) if size else (0.0, 0.0, 1.0)
         up, starboard = (process.measure(0.0) for process in self._angles)
         x, y, z = rotate_direction(line, up, starboard)
-        along, angle = self._variances
-        covariance = position_covariance(line, along, angle * size * size)
+        along = variance(self._range_error, self._period_ns * 1e-9, size)
+        covariance = position_covariance(line, along, self._angle_variance * size * size)
         measured = packet.distance
         return UsblFix(
             packet.receiver, packet.sender, packet.sent_ns, (measured * x, measured * y, measured * z), covariance

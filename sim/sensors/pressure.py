@@ -4,12 +4,14 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from sim.dynamics import State
-from sim.environment.seawater.pressure import ATMOSPHERE_PA as STANDARD_ATMOSPHERE
+from sim.environment.seawater.pressure import ATMOSPHERE_PA
 from sim.environment.world import water_pressure
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import PRESSURE, PressureSample, Scene
 from sim.twins import make_error_bank
+
+STANDARD_ATMOSPHERE = ATMOSPHERE_PA
 
 
 class PressureModel(NamedTuple):
