@@ -23,7 +23,8 @@ from sim.twins import make_error_bank
 from sim.vehicle.vehicle import load_vehicle
 from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, near, plot_own, plot_ref, ticks
 
-SEA = World("sea", "made for this", (-2000.0, 2000.0, -2000.0, 2000.0), 120.0, origin=(57.7, 11.9))
+ORIGIN = (57.7, 11.9)
+SEA = World("sea", "made for this", (-2000.0, 2000.0, -2000.0, 2000.0), 120.0, origin=ORIGIN)
 RATE, SECONDS, RUNS = 5.0, 10_000.0, 8
 SPEED, TRACK = 1.0, 100.0  # m/s, m
 
@@ -139,14 +140,15 @@ def positions(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def _fixes() -> list[float]:
-    spec, plane, scene = load_device("ublox_neo_m9n"), TangentPlane(*(SEA.origin or ()), SEA.origin_altitude), _scene()
+    """Return the distances (m) of fixes from the truth."""
+    spec, plane, scene = load_device("ublox_neo_m9n"), TangentPlane(*ORIGIN), _scene()
     spec = spec._replace(model=spec.model._replace(acquisition=0.0))
-    scale = [1.0 / (plane.geodetic(step)[i] - plane.geodetic((0.0,) * 3)[i]) for i, step in enumerate(np.eye(3)[:2])]
-    off = []
-    for seed in range(800):
-        fix: Any = spec.build(seed, scene).sample(0, State((0.0, 0.0, -1.0)))
-        off.append(hypot((fix.latitude - SEA.origin[0]) * scale[0], (fix.longitude - SEA.origin[1]) * scale[1]))  # type: ignore[index]
-    return off
+    (north, _, _), (_, east, _) = plane.geodetic((1.0, 0.0, 0.0)), plane.geodetic((0.0, 1.0, 0.0))
+    fixes: list[Any] = [spec.build(seed, scene).sample(0, State((0.0, 0.0, -1.0))) for seed in range(800)]
+    return [
+        hypot((fix.latitude - ORIGIN[0]) / (north - ORIGIN[0]), (fix.longitude - ORIGIN[1]) / (east - ORIGIN[1]))
+        for fix in fixes
+    ]
 
 
 def _usbl(spec: SensorSpec, distance: float) -> tuple[float, float, float]:

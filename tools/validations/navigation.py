@@ -82,7 +82,8 @@ def run(devices: Sequence[str], track: Track, seed: int) -> Iterator[Errors]:
     ]
     specs[0] = specs[0]._replace(mounting=Mounting())  # the axes of the vehicle are those of its IMU
     sensors: list[Any] = [spec.build(seed, scene) for spec in specs]
-    found = ReferenceFilter(*specs, gravity=SEA.gravity, density=SEA.density)
+    imu, dvl, pressure, usbl = [*specs, None][:4]
+    found = ReferenceFilter(imu, dvl, pressure, usbl, SEA.gravity, SEA.density)
     handlers = [found.on_imu, found.on_dvl, found.on_pressure, found.on_usbl]
     start = np.random.default_rng(seed).normal(track.states[0].position, START_SD)
     found.start(sensors[0].sample(0, track.states[0]), start.tolist(), START_SD)
