@@ -16,6 +16,7 @@ from hil.charts.sources.survey import Survey
 Array = NDArray[np.float64]
 
 ON_WALL = 0.6  # m: greatest distance of an edge of land from the wall along it, which is simplified
+SMALLEST = 0.5  # m: side of a block for a part of a mole; the obstacles of its walls cover narrower ones
 BESIDE = 0.05  # m from an edge, where its land and its water begin
 BEHIND = 2.0  # cells behind a wall that become water
 LAND_DEPTHS = (1.5, 3.0, 4.5)  # cells behind a wall that are land; of a narrower mole all sides have to be walls
@@ -92,7 +93,8 @@ def find_moles(
         far_sides = shapely.points(feet + widths[..., None] * inward)
         is_mole[index] = shapely.covers(strip, far_sides).all(axis=0)
     offset = widths.min(axis=0)[:, None] * inward
-    rings = list(np.stack([start, end, end + offset, start + offset, start], axis=1)[is_mole[index]])
+    has_size = is_mole[index] & (widths.min(axis=0) > SMALLEST) & (np.hypot(*along.T) > SMALLEST)
+    rings = list(np.stack([start, end, end + offset, start + offset, start], axis=1)[has_size])
     heads = at_wall & (np.hypot(*(edges[:, 1] - edges[:, 0]).T) < LAND_DEPTHS[-1] * cell)
     corners = edges @ (1.0, 1.0j)
     while (more := heads & ~is_mole & np.isin(corners, corners[is_mole]).any(axis=1)).any():
