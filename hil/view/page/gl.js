@@ -1,7 +1,9 @@
 // WebGL2 in a few words: programs, meshes with named attributes, lines, textures.
 
 export function createContext(canvas) {
-  const gl = canvas.getContext("webgl2", {antialias: true, alpha: false, powerPreference: "high-performance"});
+  const probe = document.createElement("canvas").getContext("webgl2"), named = probe?.getExtension("WEBGL_debug_renderer_info");
+  const isSoftware = /swiftshader|llvmpipe|software/i.test(named ? probe.getParameter(named.UNMASKED_RENDERER_WEBGL) : "");
+  const gl = canvas.getContext("webgl2", {antialias: !isSoftware, alpha: false, powerPreference: "high-performance"});
   if (gl) { gl.enable(gl.DEPTH_TEST); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); }
   return gl;
 }

@@ -16,7 +16,7 @@ export function drawHud(pen, width, height, see, withLadder) {
   if (withLadder) drawLadder(pen, width / 2, middle, Math.min(half, width * 0.25), see, unit);
   drawScale(pen, width * (small ? 0.8 : 0.84), middle, half, see.depth, {step: see.depth > 100 ? 10 : 1, unit: "m", mark: see.target?.depth, bed: see.altitude == null ? null : see.depth + see.altitude}, unit);
   drawScale(pen, width * (small ? 0.2 : 0.16), middle, half, see.speed, {step: 0.2, unit: "m/s", mark: see.target?.speed, isLeft: true}, unit);
-  drawTexts(pen, small ? 12 : width * 0.11, middle + half + (small ? 26 : 34), see.texts, unit);
+  drawTexts(pen, small ? 12 : Math.max(width * 0.11, 126), middle + half + (small ? 26 : 34), see.texts, unit);
   pen.restore();
 }
 
@@ -45,7 +45,7 @@ function drawHeading(pen, x, y, wide, see, unit) {
   if (see.target?.heading != null) {
     const off = clamp(wrap(see.target.heading - see.heading + 180) - 180, -45, 45), at = x + off * scale;
     pen.strokeStyle = MARK; pen.lineWidth = 3;
-    pen.beginPath(); pen.moveTo(at - 7, y - 8); pen.lineTo(at - 7, y - 2); pen.lineTo(at + 7, y - 2); pen.lineTo(at + 7, y - 8); pen.stroke();
+    pen.beginPath(); pen.moveTo(at - 8, y + 14); pen.lineTo(at - 8, y + 3); pen.moveTo(at + 8, y + 3); pen.lineTo(at + 8, y + 14); pen.stroke();
     pen.lineWidth = 1.6;
   }
   pen.font = pen.font.replace(/^\d+px/, `${unit}px`);

@@ -124,7 +124,7 @@ export class Layout {
     out.width = canvas.width; out.height = canvas.height;
     const pen = out.getContext("2d");
     pen.drawImage(canvas, 0, 0);
-    for (const id of this.main === "scene" ? ["overlay", "hud"] : ["hud"]) pen.drawImage(at(id), 0, 0, out.width, out.height);
+    pen.drawImage(at("hud"), 0, 0, out.width, out.height);
     const name = `${at("vehicle").value}-${this.main === "scene" ? "scene" : this.sensor}-${new Date().toISOString().slice(0, 19).replaceAll(":", "")}.png`;
     out.toBlob(blob => {
       const link = Object.assign(document.createElement("a"), {href: URL.createObjectURL(blob), download: name});

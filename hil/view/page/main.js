@@ -12,7 +12,7 @@ import {Sticks} from "./sticks.js";
 import {COLOURS, readContent} from "./world.js";
 
 const at = id => document.getElementById(id);
-const STICK_MS = 50, PANEL_MS = 150, RETRY_MS = 1000, INSET_MS = 65;
+const STICK_MS = 50, PANEL_MS = 150, RETRY_MS = 1000, INSET_MS = 65, HUD_MS = 45;
 
 const state = {values: {}, stick: {}, waypoints: [], acts: []};
 let scene = null, content = {vehicles: {}, sensors: {}, world: null, path: []}, stickSocket = null, waiting = 0;
@@ -112,6 +112,8 @@ function hud() {
   const pen = canvas.getContext("2d"), see = reading(), isScene = layout.main === "scene";
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
+  if (isScene && scene) drawOverlay(pen, width, height, scene, {waypoints: state.waypoints, target: panel().target?.places || [],
+                                                                 live: name => name !== chosen() || panel().present !== false});
   const isEye = isScene ? scene?.camera.mode === "eye" : !layout.isSonar();
   const isOn = Boolean(see && layout.layers.hud && !(isScene && !isEye && width < 560));
   canvas.classList.toggle("on", isOn && !isScene && isEye);
@@ -126,12 +128,10 @@ function frame(time) {
     lastScene = time;
     scene.isPaused = Boolean(state.values.playback?.paused);
     scene.draw(time);
-    drawOverlay(at("overlay"), scene, {waypoints: state.waypoints, target: panel().target?.places || [], isSmall: layout.main !== "scene",
-                                       live: name => name !== chosen() || panel().present !== false});
   }
   if (layout.isShown("picture")) layout.tellEmpty(pictures.draw(layout.sensor, layout.main !== "picture"), Boolean(now()));
   else layout.tellEmpty(true, Boolean(now()));
-  if (time - lastHud > 45) { lastHud = time; hud(); }
+  if (time - lastHud > HUD_MS) { lastHud = time; hud(); }
 }
 
 async function start() {

@@ -5,41 +5,32 @@ import {number} from "./format.js";
 
 const INK = "#e9f7fb", SHADE = "rgba(3,20,30,.55)";
 
-export function drawOverlay(canvas, scene, {waypoints, target, isSmall, live}) {
-  const width = canvas.clientWidth, height = canvas.clientHeight, ratio = devicePixelRatio || 1;
-  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
-  }
-  const pen = canvas.getContext("2d");
-  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  pen.clearRect(0, 0, width, height);
+export function drawOverlay(pen, width, height, scene, {waypoints, target, live}) {
   if (!scene.camera.view) return;
-  pen.font = `${isSmall ? 10 : 12}px system-ui, sans-serif`;
+  pen.font = "12px system-ui, sans-serif";
   const spot = ned => {
     const at = scene.camera.project(toScene(ned, scene.origin));
     return at && at[0] > -0.05 && at[0] < 1.05 && at[1] > -0.05 && at[1] < 1.05 ? [at[0] * width, at[1] * height, at[2]] : null;
   };
-  drawNames(pen, scene, spot, live, isSmall);
+  drawNames(pen, scene, spot, live);
   for (const [key, list] of [["goal", scene.content.goal ? [scene.content.goal] : []], ["", waypoints], ["", target]])
     list.forEach((place, n) => { const at = spot(place); if (at) diamond(pen, at, key || String(n + 1), list === waypoints ? "#f2b544" : "#6ee7a8"); });
-  if (isSmall) return;
   drawNorth(pen, scene, width - 36, 96);
   if (scene.camera.mode !== "eye") drawScale(pen, scene, width, height);
   if (scene.world && scene.show.depths && scene.camera.mode !== "eye") drawDepths(pen, scene.world.world, height);
 }
 
-function drawNames(pen, scene, spot, live, isSmall) {
+function drawNames(pen, scene, spot, live) {
   for (const [name, vehicle] of scene.vehicles) {
     if (!vehicle.now || (scene.camera.mode === "eye" && name === scene.selected)) continue;
     const [n, e, d] = vehicle.now.position, at = spot([n, e, d - 0.9 * vehicle.file.dimensions[2] - 0.1]);
     if (!at) continue;
-    if (scene.vehicles.size > 1 || !isSmall) tag(pen, name + (live(name) ? "" : " (lost)"), at[0], at[1] - 6, name === scene.selected ? "#ffd479" : INK);
+    tag(pen, name + (live(name) ? "" : " (lost)"), at[0], at[1] - 6, name === scene.selected ? "#ffd479" : INK);
   }
-  for (const zone of scene.content.world?.zones || []) { const at = spot([...zone.outline[0], 0]); if (at && !isSmall) tag(pen, zone.name, at[0], at[1], "#ff9be4"); }
+  for (const zone of scene.content.world?.zones || []) { const at = spot([...zone.outline[0], 0]); if (at) tag(pen, zone.name, at[0], at[1], "#ff9be4"); }
   for (const line of scene.content.world?.pipelines || []) {
     const piece = line.pieces[line.pieces.length >> 1], at = piece && spot(piece[0]);
-    if (at && !isSmall) tag(pen, line.name, at[0], at[1], INK);
+    if (at) tag(pen, line.name, at[0], at[1], INK);
   }
 }
 

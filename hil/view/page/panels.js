@@ -70,9 +70,10 @@ export function showThrusters(file, thrusts, pwm, failures) {
       parts.push(svg("rect", {x: -4, y: -11, width: 8, height: 22, rx: 3, fill: "none", stroke: failed ? colour : "var(--line)", "stroke-width": 2, transform: `translate(${x} ${y}) rotate(${turn})`}),
                  svg("rect", {x: -4, y: size > 0 ? -size : 0, width: 8, height: Math.abs(size), rx: 2, fill: colour, transform: `translate(${x} ${y}) rotate(${turn})`}));
     }
-    // Those that push up or down have their number outside, the others inside, so that neighbours do not overlap.
-    const isLeft = thruster.position[1] < -0.02 !== !isUpright && Math.abs(thruster.position[1]) > 0.02;
-    const text = svg("text", {x: x + (isLeft ? -14 : 14), y: y + 4, "font-size": 10, fill: failed ? colour : "currentColor", "text-anchor": isLeft ? "end" : "start"}, `${number(thrust, 0)} N`);
+    // Those that push up or down have their number beside them, the others towards the middle: neighbours do not overlap.
+    const isLeft = thruster.position[1] < -0.02, inwards = thruster.position[0] < 0 ? -17 : 24;
+    const place = isUpright ? {x: x + (isLeft ? -14 : 14), y: y + 4, "text-anchor": isLeft ? "end" : "start"} : {x, y: y + inwards, "text-anchor": "middle"};
+    const text = svg("text", {...place, "font-size": 10, fill: failed ? colour : "currentColor"}, `${number(thrust, 0)} N`);
     text.append(svg("title", {}, `${thruster.name}: ${number(thrust, 1)} N${pwm[k] ? `, ${pwm[k]} us` : ""}${failed ? `, ${failed}` : ""}`));
     parts.push(text);
   });
@@ -87,7 +88,7 @@ export class DelayLine {
     if (delay) this.points.push([now, delay.newest]);
     while (this.points.length && now - this.points[0][0] > MINUTE_MS) this.points.shift();
     const box = at("link"), most = Math.max(...this.points.map(point => point[1]), 1), parts = [];
-    const words = delay ? `command delay, last minute · median ${number(delay.median, 1)} ms · 99 % ${number(delay.p99, 1)} ms` : "no command was answered yet";
+    const words = delay ? `command delay, last minute: median ${number(delay.median, 1)}, 99 % ${number(delay.p99, 0)} ms` : "no command was answered yet";
     parts.push(svg("text", {x: 0, y: 10, "font-size": 9.5, fill: "currentColor", opacity: 0.7}, words));
     if (this.points.length > 1) {
       const path = this.points.map(([t, ms]) => `${(270 - (now - t) / MINUTE_MS * 270).toFixed(1)} ${(50 - ms / most * 34).toFixed(1)}`).join("L");

@@ -7,7 +7,7 @@ import pytest
 
 from hil.common.ports import free_ports
 from tests.support.autopilots.autopilot_flyer import SCENARIO, Flyer
-from tests.support.clients.view_client import ADDRESS, offered, scene_bytes, with_session
+from tests.support.clients.view_client import ADDRESS, offered, samples_until, with_session
 from tests.support.processes import Program, free_port
 
 pytest.importorskip("aiohttp", reason="the live view needs the extra view")
@@ -30,8 +30,8 @@ def test_a_simulated_flight_is_shown_in_the_live_view(tmp_path: Path) -> None:
 
 
 async def watch(client: aiohttp.ClientSession, address: str, token: str) -> list[str]:
-    """Return the vehicles that the page offers, once its scene has arrived."""
+    """Return the vehicles that the page offers, once its samples have arrived."""
     async with client.get(f"{address}?token={token}") as page:
         assert page.status == 200
-    assert await scene_bytes(client, address) > 1000
+    await samples_until(client, address, lambda values: (values.get("motion") or {}).get("uuv1"))
     return await offered(client, address)
