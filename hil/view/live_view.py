@@ -1,17 +1,18 @@
 """The live view: samples of some vehicles for the page, about 20 times a second, and the acts of the page."""
 
 from collections.abc import Mapping
+from math import dist
 from ssl import SSLContext
 from typing import Any
 
 from hil.client.vehicle_handle import Vehicle
+from hil.common.vectors import Vector3
 from hil.ros.topics import first_of
 from hil.view.feed import Encoded, Feed
 from hil.view.page_server import PageServer
 from hil.view.panels import pictures, readings
 from hil.view.panels.actions import OBSERVES, Actions
 from hil.view.scene.content import SceneContent, encode_content, with_depth
-from hil.view.scene.track import Track
 from hil.view.sources.source import Source
 from hil.view.teleop.steering import Steering
 
@@ -21,6 +22,7 @@ TRACK_EVERY = 10  # frames without a browser
 JPEG, RAW, SONAR, SIDE_SCAN = (
     "camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image",
 )  # fmt: skip
+TRACK_STEP, MAX_POINTS = 0.1, 4000  # m between two points of a track; beyond so many every second is removed
 WAITING = "no vehicle yet; waiting for one"
 
 
@@ -33,7 +35,7 @@ class LiveView:
         self._source, self._content = source, content
         self._feed = Feed(self._begin)
         self._actions = Actions(source, self._feed)
-        self._tracks: dict[str, tuple[Track, Track]] = {}
+        self._tracks: dict[str, tuple[list[Vector3], list[Vector3]]] = {}
         self._steering: dict[str, Steering] = {}
         self._waterfalls: dict[str, pictures.Waterfall] = {}
         self._shown_pictures: dict[str, Any] = {}
@@ -47,12 +49,7 @@ class LiveView:
     def __exit__(self, *_: object) -> None:
         self._page_server.__exit__()
         for steering in self._steering.values():
-            steering.__exit__()
-
-    @property
-    def viewers(self) -> int:
-        """Number of connected browsers."""
-        return len(self._page_server.viewers)
+            steering.close()
 
     def update(self) -> None:
         """Pass on the newest samples of all vehicles. Without a browser only twice a second, for the tracks."""
@@ -72,20 +69,19 @@ class LiveView:
             chosen = {viewer.vehicle for viewer in viewers}
             for name in names:
                 self._show_vehicle(name, latest[name], name in chosen)
-            self._show_run(latest, moving)
+            self._show_run(latest)
         self._page_server.wake()
 
     def _add_to_tracks(self, moving: Mapping[str, Any]) -> None:
         for name, now in moving.items():
             if now:
-                track, navigation = self._tracks.setdefault(name, (Track(), Track()))
-                track.add(tuple(now["position"]))
-                if now["navigation"]:
-                    navigation.add(tuple(now["navigation"]))
+                track, navigation = self._tracks.setdefault(name, ([], []))
+                extend_track(track, now["position"])
+                extend_track(navigation, now["navigation"])
 
     def _begin(self) -> Mapping[str, Any]:
         """Return the tracks so far, true and by navigation; the page continues them."""
-        return {f"track/{name}": [list(each.points) for each in tracks] for name, tracks in self._tracks.items()}
+        return {f"track/{name}": [list(each) for each in tracks] for name, tracks in self._tracks.items()}
 
     def _show_vehicle(self, name: str, latest: Mapping[str, Any], is_chosen: bool) -> None:
         """Pass on what is shown of a vehicle; panels and pictures only of those that a browser has chosen."""
@@ -97,11 +93,11 @@ class LiveView:
             figures = self._source.diagnostics(name)
             self._feed.set(f"figures/{name}", figures.raw)
             values = readings.panel(latest, figures, self._source.delays_ms(name))
-            values |= {"target": self._actions.target(name), "failures": self._actions.failures(name)}
+            values |= {"target": self._actions.targets.get(name, {}), "failures": self._actions.failures.get(name, {})}
             self._feed.set(f"panel/{name}", values | {"present": self._source.is_present(name)})
             self._show_pictures(name, latest)
 
-    def _show_run(self, latest: Mapping[str, Mapping[str, Any]], moving: Mapping[str, Any]) -> None:
+    def _show_run(self, latest: Mapping[str, Mapping[str, Any]]) -> None:
         """Pass on what is of no single vehicle: recording, time, and the places of a hunt."""
         recorder, playback, hunt = self._source.recorder, self._source.playback, self._content.hunt
         self._feed.set("recording", {"possible": recorder is not None, "state": recorder.state if recorder else ""})
@@ -109,14 +105,13 @@ class LiveView:
             clock = {"time": playback.time, "paused": playback.paused, "speed": playback.speed}
             self._feed.set("playback", clock | {"duration": playback.duration})
         if hunt:
-            placed = {name: now["position"] for name, now in moving.items() if now and self._source.is_present(name)}
             clocks = {
                 number: latest[node]["formation"].clock_ns * 1e-9
                 for number, node in enumerate(hunt.nodes)
                 if "formation" in latest.get(node, {})
             }
             wanted = [(*hunt.plan.position_at(number, clock), hunt.depth) for number, clock in clocks.items()]
-            self._feed.set("hunt", {"places": wanted, "links": readings.links(placed, hunt.reach)})
+            self._feed.set("hunt", wanted)
 
     def _show_pictures(self, name: str, latest: Mapping[str, Any]) -> None:
         names = []
@@ -162,7 +157,7 @@ class LiveView:
         text = reason
         if vehicle and not reason:
             text = self._steer(vehicle, person, message)
-        taken = self._source.is_taken(name)
+        taken = name in self._source.taken
         return {
             "vehicles": names, "text": text or "ready", "may_stop": bool(vehicle) and present,
             "may_steer": not reason, "armed": self._source.diagnostics(name).armed, "taken": taken,
@@ -174,11 +169,19 @@ class LiveView:
         steering = self._steering.get(vehicle.name)
         if steering is None or steering.vehicle is not vehicle:
             if steering:
-                steering.__exit__()
+                steering.close()
             steering = self._steering[vehicle.name] = Steering(vehicle, self._feed.add_log_line)
         if message.get("held") is True:
-            self._actions.forget(vehicle.name)
+            self._actions.targets.pop(vehicle.name, None)
         return steering.update(person, dict(message))
+
+
+def extend_track(track: list[Vector3], place: Vector3 | None) -> None:
+    """Add a position (NED, m), unless it is within TRACK_STEP of the last; the page does the same."""
+    if place and (not track or dist(place, track[-1]) >= TRACK_STEP):
+        track.append(place)
+    if len(track) > MAX_POINTS:
+        del track[1::2]
 
 
 def _unavailable_reason(vehicle: Vehicle | None, present: bool) -> str:

@@ -41,7 +41,7 @@ class Viewer:
         self.version = 0
         self.unanswered = 0
         self.vehicle = ""
-        self.pictures: tuple[str, ...] = ()
+        self.pictures: list[str] = []  # keys in the feed
         self.wakeup = asyncio.Event()
 
     def answer(self, values: Message) -> None:
@@ -49,13 +49,8 @@ class Viewer:
         self.unanswered = max(0, self.unanswered - 1)
         self.vehicle = str(values.get("vehicle") or "")
         wanted = values.get("pictures")
-        self.pictures = tuple(map(str, wanted[:16])) if isinstance(wanted, list) else ()
+        self.pictures = [f"{self.vehicle}/{sensor}" for sensor in wanted[:16]] if isinstance(wanted, list) else []
         self.wakeup.set()
-
-    @property
-    def picture_keys(self) -> tuple[str, ...]:
-        """Keys in the feed of the pictures that it shows."""
-        return tuple([f"{self.vehicle}/{sensor}" for sensor in self.pictures])
 
 
 class PageServer(ServerThread):
@@ -190,7 +185,7 @@ class PageServer(ServerThread):
                 continue
             viewer.unanswered += 1
             await asyncio.wait_for(socket.send_str(text), STALLED_S)
-            for picture in self._feed.pictures(viewer.picture_keys, since):
+            for picture in self._feed.pictures(viewer.pictures, since):
                 await asyncio.wait_for(socket.send_bytes(pack(picture.header, picture.data)), STALLED_S)
 
     async def _stick(self, request: web.Request) -> web.StreamResponse:

@@ -77,7 +77,7 @@ export class Buttons {
     at("take").textContent = taken ? "Give back" : "Take over";
     at("take").classList.toggle("main", !taken);
     at("switch").hidden = may_take || text === OBSERVES;
-    at("sticks").classList.toggle("disabled", !may_steer);
+    at("sticks").className = may_steer ? "" : text === OBSERVES ? "absent" : "disabled";
     if (!may_steer && sticks.pressed) sticks.release();
     for (const part of document.querySelectorAll("[data-commands]")) part.hidden = text === OBSERVES;
     for (const part of document.querySelectorAll("[data-commands]"))
@@ -110,7 +110,7 @@ export class Buttons {
   }
 
   _listFailures() {
-    const failures = Object.entries(this.panel().failures || {}), key = JSON.stringify(failures);
+    const failures = Object.entries(this.panel().failures || {}).filter(([, kind]) => kind !== "repaired"), key = JSON.stringify(failures);
     if (key === this.listedFailures) return;
     this.listedFailures = key;
     at("failures").replaceChildren(...failures.map(([thruster, kind]) => {

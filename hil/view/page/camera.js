@@ -5,15 +5,13 @@ export const MODES = ["follow", "chase", "top", "eye", "free"];
 const FIELD = 0.9, UP = [0, 1, 0], NORTH = [0, 0, -1], TOP_HEIGHT = 20;
 
 export class Camera {
-  constructor(canvas, onChange) {
+  constructor(canvas) {
     this.mode = "follow";
     this.target = [0, 0, 0];
     this.turn = 0.65; this.tilt = 0.42; this.distance = 4;
     this.topDistance = TOP_HEIGHT;
-    this.eye = [0, 5, 5];
     this.pointers = new Map();
     this.moved = 0;
-    this.onChange = onChange;
     canvas.addEventListener("pointerdown", event => this._down(event));
     canvas.addEventListener("pointermove", event => this._move(event));
     for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, event => this.pointers.delete(event.pointerId));
@@ -52,7 +50,6 @@ export class Camera {
       this.turn -= 0.006 * dx;
       this.tilt = clamp(this.tilt + 0.006 * dy, -1.4, 1.5);
     }
-    this.onChange();
   }
 
   _pan(dx, dy, height) {
@@ -65,7 +62,6 @@ export class Camera {
   _zoom(factor) {
     if (this.mode === "top") this.topDistance = clamp(this.topDistance * factor, 2, 5000);
     else this.distance = clamp(this.distance * factor, 0.4, 3000);
-    this.onChange();
   }
 
   recentre() { this.offset = null; }

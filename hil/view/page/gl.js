@@ -4,7 +4,7 @@ export function createContext(canvas) {
   const probe = document.createElement("canvas").getContext("webgl2"), named = probe?.getExtension("WEBGL_debug_renderer_info");
   const isSoftware = /swiftshader|llvmpipe|software/i.test(named ? probe.getParameter(named.UNMASKED_RENDERER_WEBGL) : "");
   const gl = canvas.getContext("webgl2", {antialias: !isSoftware, alpha: false, powerPreference: "high-performance"});
-  if (gl) { gl.enable(gl.DEPTH_TEST); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); }
+  if (gl) { gl.isSoftware = isSoftware; gl.enable(gl.DEPTH_TEST); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); }
   return gl;
 }
 
@@ -31,7 +31,6 @@ export class Program {
   use(values) {
     this.gl.useProgram(this.program);
     this.set(values);
-    return this;
   }
 
   set(values) {
@@ -40,11 +39,8 @@ export class Program {
       const [at, type] = this.uniforms[name] || [];
       if (!at) continue;
       if (type === gl.FLOAT_MAT4) gl.uniformMatrix4fv(at, false, value);
-      else if (type === gl.FLOAT) gl.uniform1f(at, value);
-      else if (type === gl.FLOAT_VEC2) gl.uniform2fv(at, value);
-      else if (type === gl.FLOAT_VEC3) gl.uniform3fv(at, value);
-      else if (type === gl.FLOAT_VEC4) gl.uniform4fv(at, value);
-      else if (type === gl.SAMPLER_2D) { gl.activeTexture(gl.TEXTURE0); gl.bindTexture(gl.TEXTURE_2D, value); gl.uniform1i(at, 0); }
+      else if (type === gl.SAMPLER_2D) gl.bindTexture(gl.TEXTURE_2D, value);  // of unit 0, as every sampler
+      else gl[`uniform${value.length || 1}fv`](at, value.length ? value : [value]);
     }
   }
 }

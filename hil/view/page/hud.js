@@ -16,7 +16,9 @@ export function drawHud(pen, width, height, see, withLadder) {
   if (withLadder) drawLadder(pen, width / 2, middle, Math.min(half, width * 0.25), see, unit);
   drawScale(pen, width * (small ? 0.8 : 0.84), middle, half, see.depth, {step: see.depth > 100 ? 10 : 1, unit: "m", mark: see.target?.depth, bed: see.altitude == null ? null : see.depth + see.altitude}, unit);
   drawScale(pen, width * (small ? 0.2 : 0.16), middle, half, see.speed, {step: 0.2, unit: "m/s", mark: see.target?.speed, isLeft: true}, unit);
-  drawTexts(pen, small ? 12 : Math.max(width * 0.11, 126), middle + half + (small ? 26 : 34), see.texts, unit);
+  const left = small ? 12 : Math.max(width * 0.11, 126), below = middle + half + (small ? 26 : 34);
+  pen.fillStyle = LIGHT; pen.textAlign = "left";
+  see.texts.filter(Boolean).forEach((text, k) => pen.fillText(text, left, below + k * unit * 1.55));
   pen.restore();
 }
 
@@ -99,11 +101,6 @@ function drawScale(pen, x, y, half, value, {step, unit: of, mark, bed, isLeft}, 
   }
   box(pen, `${number(value, isLeft ? 2 : 1)} ${of}`, x - side * 8, y, isLeft ? "left" : "right", unit + 3);
   pen.font = pen.font.replace(/^\d+px/, `${unit}px`);
-}
-
-function drawTexts(pen, x, y, texts, unit) {
-  pen.fillStyle = LIGHT; pen.textAlign = "left";
-  texts.filter(Boolean).forEach((text, k) => pen.fillText(text, x, y + k * unit * 1.55));
 }
 
 // The lines of text at the lower left: altitude, water, thrust, battery, time, delay.

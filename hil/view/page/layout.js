@@ -29,9 +29,8 @@ export class Layout {
 
   begin({sensors}) {  // without a choice of the person: a picture first, if the vehicle has one
     const names = Object.entries(sensors).filter(([, each]) => each.kind).map(([name]) => name);
-    this.isFromScenario = names.length > 0;
     if (!this.kept.main && names.length) this.main = "picture";
-    this.offer(names, sensors, false);
+    this.offer(names, sensors);
   }
 
   _listen() {
@@ -64,10 +63,9 @@ export class Layout {
   wanted() { return this.isShown("picture") && !document.hidden ? (this.sensor ? [this.sensor] : ["?"]) : []; }
 
   // The sensors whose pictures can be shown: those that came, and those of the scenario.
-  offer(came, sensors, isAlive) {
+  offer(came, sensors) {
     const names = [...new Set([...came, ...Object.keys(sensors)])].sort();
     this.kinds = Object.fromEntries(names.map(name => [name, sensors[name]?.kind || this.pictures.newest.get(name)?.header.kind]));
-    this.isAlive = isAlive;
     const key = [names.join(), this.main, this.sensor].join("|");
     if (key === this.offeredKey) return;
     this.offeredKey = key;

@@ -55,9 +55,10 @@ function take(values) {  // what has just come
     else if (kind === "plan") scene.setLine(Object.keys(content.vehicles).length > 1 ? `path/${name}` : "path", value, COLOURS.path, 2.5);
     else if (kind === "scans") { for (const [sensor, points] of Object.entries(value)) scene.setScan(name, sensor, points); }
     else if (kind === "hunt") {
-      const places = state.values.motion || {};
-      scene.setLine("links", value.links.flatMap(pair => pair.map(each => places[each].position)), COLOURS.link, 2, false);
-      scene.setLine("places", value.places.flatMap(([n, e, d]) => [[n, e, d - 0.3], [n, e, d + 0.3]]), COLOURS.place, 8, false);
+      const places = Object.values(state.values.motion || {}).filter(Boolean).map(each => each.position), reach = content.hunt.reach;
+      const near = places.flatMap((one, k) => places.slice(k + 1).filter(two => Math.hypot(one[0] - two[0], one[1] - two[1]) < reach).flatMap(two => [one, two]));
+      scene.setLine("links", near, COLOURS.link, 2, false);
+      scene.setLine("places", value.flatMap(([n, e, d]) => [[n, e, d - 0.3], [n, e, d + 0.3]]), COLOURS.place, 8, false);
     }
   }
   scene.select(chosen());
@@ -94,7 +95,7 @@ function showPanels() {
   const see = reading(), file = content.vehicles[chosen()] || Object.values(content.vehicles)[0], playback = state.values.playback;
   if (see) {
     showNumbers(see, panel(), now().position);
-    showThrusters(file, now().thrusts, panel().pwm || [], panel().failures || {});
+    showThrusters(file, now().thrusts, panel().pwm || [], Object.fromEntries(Object.entries(panel().failures || {}).filter(([, kind]) => kind !== "repaired")));
   }
   delays.add(panel().delay);
   if (at("health").closest("details").open) showHealth(panel().delay, state.values[`figures/${chosen()}`]);
@@ -103,7 +104,7 @@ function showPanels() {
   at("delay").textContent = panel().delay ? `delay ${number(panel().delay.median, 1)} ms` : "";
   at("armed").textContent = panel().armed == null ? "" : panel().armed ? "armed" : "disarmed";
   at("armed").className = `chip ${panel().armed ? "ok" : "bad"}`;
-  layout.offer(state.values[`pictures/${chosen()}`] || [], content.sensors, Boolean(see));
+  layout.offer(state.values[`pictures/${chosen()}`] || [], content.sensors);
 }
 
 function hud() {

@@ -17,7 +17,7 @@ export function drawOverlay(pen, width, height, scene, {waypoints, target, live}
     list.forEach((place, n) => { const at = spot(place); if (at) diamond(pen, at, key || String(n + 1), list === waypoints ? "#f2b544" : "#6ee7a8"); });
   drawNorth(pen, scene, width - 36, 96);
   if (scene.camera.mode !== "eye") drawScale(pen, scene, width, height);
-  if (scene.world && scene.show.depths && scene.camera.mode !== "eye") drawDepths(pen, scene.world.world, height);
+  if (scene.world && scene.show.depths && scene.camera.mode !== "eye" && width > 560) drawDepths(pen, scene.world.world, height);
 }
 
 function drawNames(pen, scene, spot, live) {

@@ -24,7 +24,7 @@ export class Pictures {
     const size = new DataView(buffer).getUint32(0, true), header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
     const image = await createImageBitmap(new Blob([new Uint8Array(buffer, 4 + size)], {type: header.type || "image/jpeg"})).catch(() => null);
     if (!image) return;
-    const entry = {header, image, at: performance.now()};
+    const entry = {header, image};
     if (header.kind !== "camera") entry.echoes = levels(image);
     this.newest.set(header.sensor, entry);
     this.isDirty = true;

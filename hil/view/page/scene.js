@@ -25,7 +25,7 @@ export class Scene {
     this.snow = new Mesh(gl, this.programs.snow, {position: [Float32Array.from({length: 2100}, Math.random), 3]}, null, gl.POINTS);
     const blades = propellerShape();
     this.propeller = new Mesh(gl, this.programs.mesh, {position: [blades.position, 3], normal: [blades.normal, 3], colour: [blades.colour, 3]});
-    this.camera = new Camera(canvas, () => {});
+    this.camera = new Camera(canvas);
     this.vehicles = new Map();
     this.free = new Map();  // lines that are of no vehicle, by key
     this.selected = "";
@@ -70,7 +70,6 @@ export class Scene {
   move(name, now) {
     const vehicle = this.vehicle(name), first = !vehicle.now;
     vehicle.now = now;
-    vehicle.at = performance.now();
     vehicle.model = bodyToScene(now.attitude, now.position, this.origin);
     this._extendTrack(vehicle, "true", now.position);
     if (now.navigation) this._extendTrack(vehicle, "navigation", now.navigation);
@@ -234,7 +233,7 @@ export class Scene {
       if (vehicle.model && !isEye) { programs.fan.use({...common, uModel: vehicle.model, uEchoes: fan.echoes}); fan.mesh.draw(); }
     programs.line.use({...common, uSize: size.map(each => each / 2)});
     const line = (lines, colour, width, uModel = IDENTITY) => {
-      programs.line.set({uColour: colour, uWidth: width * this.sharpness, uModel});
+      programs.line.set({uColour: colour, uWidth: Math.max(width * this.sharpness, 0.6), uModel});
       lines.draw();
     };
     for (const {lines, colour, width} of [...(world?.lines || []), ...this.free.values()]) line(lines, colour, width);

@@ -52,7 +52,7 @@ export class Shape {
 
   tube(from, to, radius, colour) {
     const along = subtract(to, from), size = Math.hypot(...along);
-    this.turned(placed(from, along, 0), [[0, 0], [0, radius], [size, radius], [size, 0]], colour, 14);
+    this.turned(placed(from, along, 0), [[0, 0], [0, radius], [size, radius], [size, 0]], colour, radius * 12 > size ? 14 : 8);
   }
 }
 
@@ -105,8 +105,8 @@ function fin(shape, {position, axis, chord, area, aspect_ratio}) {
 
 function duct(shape, {position, direction, diameter}) {
   const r = 0.56 * diameter, half = 0.26 * diameter, place = placed(position, direction, 0);
-  shape.turned(place, [[-half, r], [half, 1.12 * r], [half, r], [-half, 0.94 * r], [-half, r]], DARK, 24);
-  shape.turned(place, [[-1.4 * half, 0], [-1.4 * half, 0.2 * r], [0.9 * half, 0.24 * r], [1.5 * half, 0]], STEEL, 12);
+  shape.turned(place, [[-half, r], [half, 1.12 * r], [half, r], [-half, 0.94 * r]], DARK, 18);
+  shape.turned(place, [[-1.4 * half, 0.2 * r], [0.9 * half, 0.24 * r], [1.5 * half, 0]], STEEL, 9);
   for (const k of [0, 1, 2]) {
     const a = k * 2.0944 + 0.5, spoke = apply(place, [-half, r * Math.cos(a), r * Math.sin(a)]).slice(0, 3);
     shape.tube(apply(place, [-half, 0, 0]).slice(0, 3), spoke, 0.05 * r, DARK);
@@ -131,11 +131,5 @@ export function propellerShape() {
     const a = k * Math.PI / 2, spot = (x, r, t) => [x, r * Math.cos(a + t), r * Math.sin(a + t)];
     shape.quad(spot(0.06, 0.1, 0.3), spot(0.1, 0.47, 0.34), spot(-0.1, 0.47, -0.34), spot(-0.06, 0.1, -0.3), BLUE);
   }
-  return shape;
-}
-
-export function cylinderShape(radius, top, bottom, [north, east], colour) {  // upright, in NED
-  const shape = new Shape();
-  shape.turned(placed([north, east, top], [0, 0, 1], 0), [[0, 0], [0, radius], [bottom - top, radius]], colour, 28);
   return shape;
 }

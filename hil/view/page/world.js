@@ -1,10 +1,10 @@
 // The world of the scene as meshes and lines: seabed, obstacles, surface, paths, zones, current.
 import {Lines, Mesh} from "./gl.js";
 import {add, niceStep, rotate, toScene, unit} from "./math.js";
-import {Shape, cylinderShape} from "./shapes.js";
+import {Shape} from "./shapes.js";
 
 export const DEPTH_STOPS = ["#f3e3a8", "#9fd3a0", "#4aa6a3", "#2a6c97", "#20386f"];  // told apart by the colour-blind too
-const UNKNOWN = 65535, STONE = [0.5, 0.53, 0.53];
+const NODES = 150, UNKNOWN = 65535, STONE = [0.5, 0.53, 0.53];
 export const COLOURS = {
   path: [0.31, 0.56, 1, 1], track: [1, 0.55, 0.15, 1], navigation: [0.75, 0.45, 1, 1], zone: [0.93, 0.25, 0.75, 1],
   current: [0.35, 0.8, 1, 0.8], tether: [0.95, 0.75, 0.2, 1], thrust: [1, 0.3, 0.25, 1], camera: [1, 0.95, 0.75, 0.65],
@@ -49,25 +49,20 @@ export class World {
     return Number.isNaN(depth) ? null : depth;
   }
 
+  // The seabed with all nodes, or without a graphics card with at most NODES a side.
   _seabed() {
-    const {rows, columns, norths, easts, depths, codes, bottom} = this.world, count = rows * columns;
-    const stepN = (norths[1] - norths[0]) / (rows - 1), stepE = (easts[1] - easts[0]) / (columns - 1);
-    const position = new Float32Array(3 * count), normal = new Float32Array(3 * count), colour = new Float32Array(4 * count);
-    for (let i = 0; i < rows; i++) for (let j = 0; j < columns; j++) {
-      const k = i * columns + j, at = (a, b) => {
-        const d = depths[Math.min(Math.max(i + a, 0), rows - 1) * columns + Math.min(Math.max(j + b, 0), columns - 1)];
-        return Number.isNaN(d) ? depths[k] || 0 : d;
-      };
-      position.set(toScene([norths[0] + i * stepN, easts[0] + j * stepE, depths[k] || 0], this.origin), 3 * k);
-      normal.set(unit([(at(0, 1) - at(0, -1)) / (2 * stepE), 1, -(at(1, 0) - at(-1, 0)) / (2 * stepN)]), 3 * k);
-      const [, ...bed] = bottom.natures[codes[k] || bottom.code] || bottom.natures[bottom.code];
-      colour.set(bed, 4 * k);
-    }
-    const indices = [];
-    for (let i = 0; i + 1 < rows; i++) for (let j = 0; j + 1 < columns; j++) {
-      const a = i * columns + j, b = a + 1, c = a + columns, d = c + 1;
-      for (const corners of [[a, b, d], [a, d, c]])
-        if (!corners.some(k => Number.isNaN(depths[k]))) indices.push(...corners);
+    const {rows, columns, norths, easts, depths, codes, bottom} = this.world, nodes = this.gl.isSoftware ? NODES : Infinity;
+    const step = Math.max(1, Math.ceil(Math.max(rows, columns) / nodes)), high = Math.floor((rows - 1) / step) + 1, wide = Math.floor((columns - 1) / step) + 1;
+    const stepN = (norths[1] - norths[0]) / (rows - 1), stepE = (easts[1] - easts[0]) / (columns - 1), indices = [];
+    const [position, normal, colour] = [3, 3, 4].map(size => new Float32Array(size * high * wide));
+    const depthAt = (i, j) => depths[Math.min(Math.max(i, 0), rows - 1) * columns + Math.min(Math.max(j, 0), columns - 1)];
+    for (let i = 0; i < high; i++) for (let j = 0; j < wide; j++) {
+      const k = i * wide + j, n = i * step, e = j * step, here = depthAt(n, e) || 0, at = (a, b) => depthAt(n + a * step, e + b * step) || here;
+      position.set(toScene([norths[0] + n * stepN, easts[0] + e * stepE, here], this.origin), 3 * k);
+      normal.set(unit([(at(0, 1) - at(0, -1)) / (2 * step * stepE), 1, -(at(1, 0) - at(-1, 0)) / (2 * step * stepN)]), 3 * k);
+      colour.set((bottom.natures[codes[n * columns + e] || bottom.code] || bottom.natures[bottom.code]).slice(1), 4 * k);
+      for (const corners of i && j ? [[[1, 1], [1, 0], [0, 0]], [[1, 1], [0, 0], [0, 1]]] : [])
+        if (!corners.some(([a, b]) => Number.isNaN(depthAt(n - a * step, e - b * step)))) indices.push(...corners.map(([a, b]) => k - a * wide - b));
     }
     return new Mesh(this.gl, this.programs.seabed, {position: [position, 3], normal: [normal, 3], colour: [colour, 4]}, new Uint32Array(indices));
   }
@@ -79,11 +74,8 @@ export class World {
   }
 
   _solid(shape, opacity = 1) {
-    const at = [];
-    for (let k = 0; k < shape.position.length; k += 3) at.push(...toScene(shape.position.slice(k, k + 3), this.origin));
-    const normal = [];
-    for (let k = 0; k < shape.normal.length; k += 3) normal.push(...toScene(shape.normal.slice(k, k + 3), [0, 0]));
-    const parts = {position: [at, 3], normal: [normal, 3], colour: [shape.colour, 3]};
+    const turned = (values, origin) => Array.from({length: values.length / 3}, (_, k) => toScene(values.slice(3 * k, 3 * k + 3), origin)).flat();
+    const parts = {position: [turned(shape.position, this.origin), 3], normal: [turned(shape.normal, [0, 0]), 3], colour: [shape.colour, 3]};
     this.solids.push({mesh: new Mesh(this.gl, this.programs.mesh, parts), opacity});
   }
 
@@ -92,7 +84,7 @@ export class World {
     for (const each of this.world.obstacles) {
       const {north, east, top, bottom, radius, size, heading} = each;
       if (size) upright.box([north, east, (top + bottom) / 2], [...size, bottom - top], STONE, heading);
-      else merge(upright, cylinderShape(radius, top, bottom, [north, east], STONE));
+      else upright.tube([north, east, top], [north, east, bottom], radius, STONE);
     }
     if (upright.position.length) this._solid(upright);
     for (const {triangles, colour, net} of this.world.meshes) {
@@ -129,10 +121,6 @@ export class World {
     lines.set(points);
     this.lines.push({lines, colour, width});
   }
-}
-
-function merge(shape, other) {
-  for (const key of ["position", "normal", "colour"]) for (const value of other[key]) shape[key].push(value);
 }
 
 // The outline of what a camera sees up to `reach` m, in FRD; of a sonar its fan.

@@ -19,12 +19,15 @@ MAX_WAYPOINTS = 100
 
 
 class Actions:
-    """The actions of one view. The outcome of each is a line of the log."""
+    """The actions of one view. The outcome of each is a line of the log.
+
+    `targets` are what each vehicle was told to reach or hold from here, `failures` the failures of its thrusters.
+    """
 
     def __init__(self, source: Source, feed: Feed) -> None:
         self._source, self._feed = source, feed
-        self._targets: dict[str, dict[str, Any]] = {}
-        self._failures: dict[str, dict[str, str]] = {}
+        self.targets: dict[str, dict[str, Any]] = {}
+        self.failures: dict[str, dict[str, str]] = {}
         self._of_vehicle: dict[str, Callable[[Vehicle, Act], str]] = {
             "arm": lambda vehicle, _: services.arm(vehicle, True),
             "disarm": lambda vehicle, _: services.arm(vehicle, False),
@@ -44,18 +47,6 @@ class Actions:
             "record": lambda _, __: self._record(),
             "time": lambda _, act: self._pace(act),
         }
-
-    def target(self, name: str) -> Mapping[str, Any]:
-        """Return what the vehicle was told to reach or to hold from here, for the page; empty if nothing."""
-        return self._targets.get(name, {})
-
-    def failures(self, name: str) -> Mapping[str, str]:
-        """Return the kind of failure of each thruster that was told to fail from here."""
-        return self._failures.get(name, {})
-
-    def forget(self, name: str) -> None:
-        """Forget what a vehicle was told, because it is steered by hand now."""
-        self._targets.pop(name, None)
 
     def start(self, name: str, act: Act) -> None:
         """Do an act of the page in a thread, because it may wait for the vehicle's answer."""
@@ -83,20 +74,17 @@ class Actions:
 
     def _command(self, vehicle: Vehicle, text: str, target: dict[str, Any], command: Callable[[], object]) -> str:
         command()
-        self._targets[vehicle.name] = target
+        self.targets[vehicle.name] = target
         return text
 
     def _hold(self, vehicle: Vehicle, act: Act) -> str:
         depth = _number(act, "depth") if act.get("depth") is not None else None
         heading = _wrapped(_number(act, "heading")) if act.get("heading") is not None else None
         surge = _number(act, "speed") if act.get("speed") is not None else 0.0
-        words = ["hold"] + [f"depth {depth:.1f} m"] * (depth is not None)
-        words += [f"heading {degrees(heading) % 360.0:03.0f}°"] if heading is not None else []
-        words += [f"at {surge:.2f} m/s"] * bool(surge)
+        text = "hold" if depth is None else f"hold depth {depth:.1f} m"
+        text += "" if heading is None else f" heading {degrees(heading) % 360.0:03.0f}°"
         target = {"depth": depth, "heading": heading, "speed": surge or None}
-        return self._command(
-            vehicle, " ".join(words), target, lambda: vehicle.drive(surge, depth=depth, heading=heading)
-        )
+        return self._command(vehicle, text, target, lambda: vehicle.drive(surge, depth=depth, heading=heading))
 
     def _go(self, vehicle: Vehicle, act: Act) -> str:
         place = _number(act, "north"), _number(act, "east"), _number(act, "depth")
@@ -122,14 +110,12 @@ class Actions:
         thruster, kind = str(act.get("thruster")), str(act.get("kind"))
         value = _number(act, "value") if kind in VALUES and kind != "stuck" else None
         text = services.fail_thruster(vehicle, thruster, kind, value)
-        failed = dict(self._failures.get(vehicle.name, {}))
-        failed.pop(thruster, None)
-        self._failures[vehicle.name] = failed | ({} if kind == "repaired" else {thruster: kind})
+        self.failures.setdefault(vehicle.name, {})[thruster] = kind
         return text
 
     def _reset(self, vehicle: Vehicle) -> str:
         text = services.reset(vehicle)
-        self._failures.pop(vehicle.name, None)
+        self.failures.pop(vehicle.name, None)
         return text
 
     def _pose(self, vehicle: Vehicle, act: Act) -> str:

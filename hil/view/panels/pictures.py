@@ -89,10 +89,7 @@ class Waterfall:
         pings = np.array(self._pings)
         at = np.append(0.0, np.cumsum(self._spacings[:-1]))
         count = min(WATERFALL, int(at[-1] + 1e-6) + 1)
-        place = np.interp(np.arange(count), at, np.arange(len(at)))
-        low = np.minimum(place.astype(int), max(len(at) - 2, 0))
-        share = (place - low)[:, None]
-        rows = pings[low] * (1.0 - share) + pings[np.minimum(low + 1, len(at) - 1)] * share
+        rows = np.stack([np.interp(np.arange(count), at, column) for column in pings.T], axis=1)
         rows = rows / (float(np.quantile(rows, 0.99)) or 1.0)
         picture = np.zeros((WATERFALL, rows.shape[1]), np.uint8)
         picture[:count] = 255.0 * np.clip(rows, 0.0, 1.0)

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from math import cos, isfinite, sin
 from typing import Any
 
-import numpy as np
-
 from hil.common.quantiles import quantile
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.topics import first_of
@@ -60,14 +58,3 @@ def _points(scan: Any, kind: str) -> list[tuple[float, float, float]]:
     if kind == "laser":
         return [(r * cos(a), r * sin(a), 0.0) for r, a in beams]
     return [(0.0, r * sin(a), r * cos(a)) for r, a in beams]
-
-
-def links(positions: Mapping[str, Any], reach: float) -> list[tuple[str, str]]:
-    """Return the pairs of vehicles that are within `reach` m of each other on the level."""
-    names = list(positions)
-    return [
-        (a, b)
-        for k, a in enumerate(names)
-        for b in names[k + 1 :]
-        if np.hypot(*np.subtract(positions[a], positions[b])[:2]) < reach
-    ]

@@ -10,13 +10,10 @@ from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
 SLENDER = 4.0  # length over width from which on a hull is a torpedo
-UNKNOWN: Mapping[str, Any] = {"dimensions": (1.0, 0.5, 0.4), "kind": "frame"}
 
 
-def vehicle_content(vehicle: Vehicle | None) -> Mapping[str, Any]:
-    """Return a vehicle's shape (m, FRD). Without a file it is a frame 1 m long."""
-    if vehicle is None:
-        return UNKNOWN
+def vehicle_content(vehicle: Vehicle) -> Mapping[str, Any]:
+    """Return a vehicle's shape (m, FRD)."""
     length, width, height = vehicle.dimensions
     return {
         "dimensions": vehicle.dimensions,

@@ -52,7 +52,7 @@ class LiveSource(Source):
         self._plans = Plans(*how)
         self._pictures: Fleet | None = None
         self._known: dict[str, Vehicle] = {}
-        self._taken: dict[str, tuple[Fleet, Vehicle]] = {}
+        self.taken: dict[str, tuple[Fleet, Vehicle]] = {}
         self._present: dict[str, bool] = {}
         self._log: deque[str] = deque(maxlen=LOG_LINES)
         self._lock = threading.Lock()
@@ -69,7 +69,7 @@ class LiveSource(Source):
         self.recorder.stop()
         self._plans.__exit__()
         self._show_pictures(False)
-        for held in self._taken.values():
+        for held in self.taken.values():
             held[0].close()
         self._fleet.close()
         with self._waking:
@@ -121,28 +121,24 @@ class LiveSource(Source):
 
     def vehicle(self, name: str) -> Vehicle | None:
         """Return the handle that commands the vehicle; None if this source only observes."""
-        taken = self._taken.get(name)
+        taken = self.taken.get(name)
         return None if self._observe else taken[1] if taken else self._known[name]
 
     def take_over(self, name: str, on: bool) -> str:
         """Command the vehicle in place of another master, by a session of its own, or give it back."""
         if self._observe or name not in self._known:
             return super().take_over(name, on)
-        if held := self._taken.pop(name, None):
+        if held := self.taken.pop(name, None):
             held[0].close()
         if not on:
             return f"{name} is given back"
         fleet = self._connect(observe=False, take_over=True)
         try:
-            self._taken[name] = fleet, fleet[name]
+            self.taken[name] = fleet, fleet[name]
         except NetworkError:
             fleet.close()
             raise
         return f"{name} is taken over from {self.diagnostics(name).commander or 'another master'}"
-
-    def is_taken(self, name: str) -> bool:
-        """Return True if the vehicle was taken over here."""
-        return name in self._taken
 
     def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
         """Return the delays (ms) of the newest commands of all masters, and the median (ms) of each hop.

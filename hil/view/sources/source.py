@@ -1,7 +1,7 @@
 """Interface of the live view's sources: the newest samples of each vehicle."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from hil.common.errors import NetworkError
@@ -17,11 +17,12 @@ class Source(ABC):
     """The samples of some vehicles. Without a network nobody commands them, and there are no delays and no log.
 
     `playback` is the time that can be paused and sped up, None for vehicles in real time; `recorder` records the
-    vehicles, None if this source cannot be recorded.
+    vehicles, None if this source cannot be recorded; `taken` are the vehicles that were taken over here.
     """
 
     playback: "PacedTime | None" = None
     recorder: "ViewRecorder | None" = None
+    taken: Collection[str] = ()
 
     @property
     @abstractmethod
@@ -47,10 +48,6 @@ class Source(ABC):
     def take_over(self, name: str, on: bool) -> str:
         """Command the vehicle in place of another master, or give it back; return a text. Raises NetworkError."""
         raise NetworkError("this view only observes; start it without --observe to take a vehicle over")
-
-    def is_taken(self, name: str) -> bool:
-        """Return True if the vehicle was taken over here."""
-        return False
 
     def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
         """Return the delays (ms) of the newest commands, and the median (ms) of each hop; empty if not known."""

@@ -15,7 +15,7 @@ Report = Callable[[str], None]
 
 
 class Steering:
-    """One vehicle that several persons may steer by their sticks. Use as a context.
+    """One vehicle that several persons may steer by their sticks. `close` ends it.
 
     The first person who holds the dead man's switch steers; the others see why they do not. A vehicle that another
     master commands is not taken over. `report` is called with a line of text at each change.
@@ -34,10 +34,8 @@ class Steering:
         self._thread = threading.Thread(target=self._run, name=f"steering {vehicle.name}", daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> "Steering":
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Stop the vehicle if somebody steers it, and end."""
         self._ending.set()
         self._thread.join()
 

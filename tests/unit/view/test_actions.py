@@ -73,9 +73,9 @@ def test_a_recording_is_started_reported_and_ended(actions: Actions, source: Any
 def test_a_hold_is_commanded_and_shown_until_the_vehicle_is_let_go(actions: Actions, vehicle: Vehicle) -> None:
     assert not actions.run("uuv1", {"do": "hold", "depth": 3.0, "heading": 270.0, "speed": None})
     assert vehicle.commands == [("drive", (0.0,), {"depth": 3.0, "heading": pytest.approx(-1.5708, abs=1e-4)})]
-    assert actions.target("uuv1")["depth"] == 3.0
+    assert actions.targets["uuv1"]["depth"] == 3.0
     assert not actions.run("uuv1", {"do": "release"})
-    assert actions.target("uuv1") == {}
+    assert actions.targets["uuv1"] == {}
 
 
 @pytest.mark.parametrize(

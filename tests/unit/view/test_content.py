@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from hil.autonomy.fleets.hunting import HuntPlan
-from hil.view.panels.readings import links
+from hil.view.live_view import MAX_POINTS, extend_track
 from hil.view.scene.content import Hunt, SceneContent
-from hil.view.scene.track import MAX_POINTS, Track
 from hil.view.scene.water import water_content
 from hil.view.scene.world import MAX_NODES
 from sim.environment.obstacles import Box, Cylinder
@@ -96,14 +95,9 @@ def test_a_hunt_has_a_path_for_each_member_and_its_target() -> None:
     assert np.hypot(*np.subtract(hunt["paths"]["a"][-1][:2], TARGET)) == pytest.approx(1.5, abs=1e-3), "on the ring"
 
 
-def test_vehicles_within_range_are_linked() -> None:
-    places = {node: (0.0, east, 2.0) for node, east in zip("abcd", (0.0, 3.0, 6.0, 20.0), strict=True)}
-    assert links(places, 5.0) == [("a", "b"), ("b", "c")]
-
-
 def test_a_track_is_thinned_out_as_it_grows() -> None:
-    track = Track()
+    track: list[tuple[float, float, float]] = []
     for number in range(3 * MAX_POINTS):
-        track.add((0.06 * number, 0.0, 0.0))
-    assert MAX_POINTS / 2 <= len(track.points) <= MAX_POINTS
-    assert track.points[-1][0] == pytest.approx(0.06 * 3 * MAX_POINTS, abs=0.2)
+        extend_track(track, (0.06 * number, 0.0, 0.0))
+    assert MAX_POINTS / 2 <= len(track) <= MAX_POINTS
+    assert track[-1][0] == pytest.approx(0.06 * 3 * MAX_POINTS, abs=0.2)
