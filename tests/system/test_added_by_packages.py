@@ -155,11 +155,6 @@ def test_a_link_of_a_package_joins_two_ends(packages: Path) -> None:
     ), output  # fmt: skip
 
 
-def test_a_gateway_of_a_package_is_a_command(packages: Path) -> None:
-    assert run(packages, "gateway", "lines", "--fast") == (0, "served --fast\n")
-    assert "lines      added by added.code:serve" in run(packages, "gateway", "--help")[1]
-
-
 def test_the_packages_of_the_project_are_found_beside_a_folder_of_their_name(tmp_path: Path) -> None:
     """A script's folder is searched first, so only the package `hil` itself can be hidden by one of the user's."""
     for name in ("sim", "boards", "firmware_stub"):

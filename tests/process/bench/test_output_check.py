@@ -1,11 +1,9 @@
 """`uuv-hil stm32 check`: each output turns slowly, one at a time, and the telemetry is shown. The STM32 is emulated."""
 
-import io
 import json
 import re
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -186,20 +184,3 @@ def test_a_lost_link_ends_the_check(emulated_stm32: tuple[str, "subprocess.Popen
     assert check.returncode == 3, err
     assert "link" in err.splitlines()[-1]
     assert "neutral not confirmed: the STM32's watchdog stops the outputs" in err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "refusal"),
-    [
-        ([], "no device: name it with --port"),
-        (["--port", "/dev/ttyUSB0", "--offset", "0"], "--offset: 0 turns nothing"),
-        (["--stm32", "unicrn"], "--stm32"),
-        (["--port", "/dev/ttyUSB0"], "nobody can be asked here: if the propellers are free, give --yes"),
-    ],
-)
-def test_wrong_arguments_are_refused_before_any_output_turns(
-    arguments: list[str], refusal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "stdin", io.StringIO())
-    assert main(["stm32", "check", *arguments]) == 2
-    assert refusal in capsys.readouterr().err

@@ -1,13 +1,11 @@
 """The cases of one vehicle: in simulated time and, short, with a slave; what they measure and report."""
 
-import csv
-import json
 import math
 from pathlib import Path
 
 import pytest
 
-from hil.cases import fidelity, table
+from hil.cases import fidelity
 from hil.cases.case import CASES, find_case
 from hil.cases.path_planning import hidden_piles
 from hil.cases.record import Result, Run, Track
@@ -23,18 +21,6 @@ from sim.vehicle.vehicle import load_vehicle
 
 PAPER_SIX, _ = load_vehicle("paper_six")
 RADIUS = radius_of(PAPER_SIX)
-
-
-def check(result: Result, at_work: float = 0.0) -> None:
-    """Check what holds for every flight of one vehicle that succeeds and is `at_work` s in one place."""
-    assert result.success, result.reason
-    assert not result.collided
-    assert result.least_clearance > RADIUS
-    assert 1.0 <= result.ratio < 1.1
-    assert 0.6 < result.path_length / (result.duration - at_work) < 0.85  # m/s, of 0.8 commanded
-    assert 10.0 < result.energy / result.duration < 300.0  # W
-    assert result.cross_track_rms < result.cross_track_max < 1.5
-    assert 0.0 < result.planner_cpu < 0.1
 
 
 def test_hidden_piles_leave_a_passage() -> None:
@@ -92,25 +78,6 @@ def test_fidelity_measures_match_hand_computed_values() -> None:
     found = fidelity.compare(Run(result(), (one,), ""), Run(slow, (other,), ""))
     assert found == pytest.approx((0.3, 0.3, -0.125, 0.1, -0.2, -0.1))
     assert fidelity.compare(Run(result(), (one,), ""), Run(result(), (one,), "")) == pytest.approx([0.0] * 6, abs=1e-9)
-
-
-def test_results_are_rendered_as_text_markdown_and_csv(tmp_path: Path) -> None:
-    failed = result(seed=2, success=False, collided=True, reason="collision; time limit", least_clearance=0.1)
-    results = [result(extra={"plans": 3.0}), failed, result(mode="hil", master_cpu=0.05, delay_p50=0.6)]
-    text = table.render(results)
-    for words in ("1 of 2", "1 of 1", "5.0%", "0.10", "path_planning SIL, seed 2: collision; time limit"):
-        assert words in text
-    table.write_json(str(tmp_path / "r.json"), results)
-    read = json.loads((tmp_path / "r.json").read_text())
-    assert read[0]["extra"] == {"plans": 3.0}
-    assert read[0]["master_cpu"] is None
-    table.write_csv(str(tmp_path / "r.csv"), results)
-    with open(tmp_path / "r.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["plans"] for row in rows] == ["3.0", "", ""]
-    assert rows[2]["delay_p50"] == "0.6"
-    with pytest.raises(ConfigError, match="cannot be written"):
-        table.write_csv(str(tmp_path / "no" / "r.csv"), results)
 
 
 def test_the_command_flies_a_case_and_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

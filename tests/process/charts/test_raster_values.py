@@ -62,11 +62,6 @@ def test_depths_in_other_units_become_metres(name: str, unit: str, length: float
     assert depth_of(open_raster(path)) == MIDDLE
 
 
-def test_an_unknown_unit_is_named_in_the_error(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"units\.tif: its depths are in 'furlong'; known units: m, metre"):
-        open_raster(write(tmp_path / "units.tif", DEPTHS, names=("depth",), unit="furlong"))
-
-
 @pytest.mark.parametrize("mark", [-99999.0, 1e20, np.inf])
 def test_an_undeclared_no_data_value_out_of_range_is_refused(mark: float, tmp_path: Path) -> None:
     marked = np.where(COLUMNS < 10, mark, -DEPTHS)
@@ -91,23 +86,6 @@ def test_metres_declared_as_degrees_are_refused_with_the_remedy(tmp_path: Path) 
     path = write(tmp_path / "wrong.tif", -DEPTHS, crs="EPSG:4326")
     with pytest.raises(ConfigError, match=r"positions up to 6e\+06: correct the file, .* gdal_edit\.py -a_srs"):
         open_raster(path)
-
-
-def test_a_coordinate_system_that_is_not_utf8_is_refused_with_the_remedy(tmp_path: Path) -> None:
-    datum = b'DATUM["D_WGS\xcd\xa4\xb7_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]]'
-    units = b'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]'
-    (tmp_path / "bay.prj").write_bytes(b'GEOGCS["GCS_WGS_1984",' + datum + b"," + units + b"]")
-    path = tmp_path / "bay.asc"
-    path.write_text("ncols 2\nnrows 2\nxllcorner 10\nyllcorner 54\ncellsize 0.1\n-9 -8\n-7 -6\n")
-    with pytest.raises(ConfigError, match=r"bay\.asc: its coordinate system.* \.prj .*not UTF-8 text.*--crs"):
-        open_raster(str(path))
-
-
-def test_a_truncated_file_is_refused_with_the_cause_and_the_remedy(tmp_path: Path) -> None:
-    path = Path(write(tmp_path / "half.tif", -DEPTHS))
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(ConfigError, match=r"half\.tif: cannot be read as a raster of GTiff, .*got 2220 bytes"):
-        open_raster(str(path))
 
 
 def test_undeclared_nan_leaves_the_depths_around_it(tmp_path: Path) -> None:
@@ -180,16 +158,6 @@ def test_a_grd_is_read_as_a_grid_of_gmt_or_of_surfer(driver: str, tmp_path: Path
     assert depth_of(open_raster(str(tmp_path / "bed.grd"), Declared("up"))) == pytest.approx(
         20.0 + 0.5 * 19.5, abs=0.05
     )
-
-
-def test_a_picture_with_a_position_is_refused(tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    where = {"crs": "EPSG:32632", "transform": rasterio.Affine(10, 0, 5e5, 0, -10, 6e6), "dtype": "uint8"}
-    path = str(tmp_path / "chart.tif")
-    with rasterio.open(path, "w", driver="GTiff", height=9, width=9, count=3, photometric="RGB", **where) as file:
-        file.write(np.full((3, 9, 9), 90, np.uint8))
-    with pytest.raises(ConfigError, match="is a picture, whose colours are no depths"):
-        open_raster(path)
 
 
 def test_heights_named_as_depths_are_not_made_land(tmp_path: Path) -> None:

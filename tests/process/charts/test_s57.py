@@ -3,7 +3,6 @@
 import os
 import random
 import re
-import sys
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +14,7 @@ import shapely
 from hil.charts.sources import s57, s57_process
 from hil.charts.sources.combine import read_sources
 from hil.charts.sources.s57 import Cell, read_cell
-from hil.common.errors import ConfigError, HilError, MissingExtraError
+from hil.common.errors import ConfigError, HilError
 from tests.support.charts.s57_encoder import Encoder, name, square
 from tests.support.charts.small_cell import bay, bed
 from tools.faults.decoders import mutate
@@ -140,15 +139,6 @@ def test_an_update_of_another_edition_or_a_withdrawal_is_refused(tmp_path: Path)
         assert read_cell(path, updates=False).update == 0
 
 
-def test_an_update_for_a_missing_record_is_refused(tmp_path: Path) -> None:
-    path = bay().write(tmp_path / "BAY.000")
-    update = Encoder(update=1)
-    update.add(FRID=[(100, 1, 1, 2, 90, 7, 2)])
-    update.write(tmp_path / "BAY.001")
-    with pytest.raises(ConfigError, match=r"an update beside it does not fit the cell.*RCNM=100,RCID=1.*--no-updates"):
-        read_cell(path)
-
-
 def test_a_missing_file_and_a_file_that_is_no_chart_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "C.000"
     with pytest.raises(
@@ -211,20 +201,6 @@ def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(s57, "LIMITS", s57.LIMITS._replace(seconds=0.01))
     with pytest.raises(ConfigError, match="reading it not finished within"):
         read_cell(bay().write(tmp_path / "C.000"))
-
-
-def test_a_chart_without_gdal_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pyogrio", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
-        read_cell(bay().write(tmp_path / "C.000"))
-
-
-def test_depths_that_are_not_in_metres_are_refused(tmp_path: Path) -> None:
-    cell = bay()
-    row = cell.records[1]["DSPM"][0]
-    cell.records[1]["DSPM"] = [(*row[:6], 3, *row[7:])]  # feet
-    with pytest.raises(ConfigError, match="depths are not in metres"):
-        read_cell(cell.write(tmp_path / "C.000"))
 
 
 def test_the_edges_of_an_area_may_be_in_any_order(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 import bz2
 import gzip
 import lzma
-import os
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -44,14 +43,6 @@ def test_text_formats_of_soundings_are_read(tmp_path: Path, name: str, text: str
     assert points.geographic
     assert points.positions.tolist() == [[54.25, 10.5], [54.5, 10.6]]
     assert points.depths.tolist() == [7.5, 9.0]
-
-
-def test_soundings_at_one_place_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "same.csv"
-    path.write_text("lon,lat,depth\n" + "10,54,5\n" * 9)
-    survey, extent = read_sources([str(path)], None)
-    with pytest.raises(ConfigError, match=r"all soundings lie on one line .* or at one place"):
-        build(survey, extent, 1.0)
 
 
 def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Path) -> None:
@@ -116,12 +107,6 @@ def test_a_decompression_bomb_takes_little_memory(tmp_path: Path) -> None:
             assert tracemalloc.get_traced_memory()[1] < 2 << 20
         finally:
             tracemalloc.stop()
-
-
-def test_a_pipe_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "s.xyz")
-    with pytest.raises(ConfigError, match="no regular file"):
-        read_points(str(tmp_path / "s.xyz"))
 
 
 def test_a_chart_becomes_a_survey_and_a_bed(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from hil.cli import main
 from hil.commands import world as command
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError
 from sim.environment.geomagnetism import field_at
 from sim.environment.obstacles import STANDING
 from sim.environment.world import load_world
@@ -130,9 +130,3 @@ def test_an_interrupted_build_leaves_the_old_world(tmp_path: Path, monkeypatch: 
     with pytest.raises(KeyboardInterrupt):
         command.main(["build", path, "--resolution", "20", "-o", str(tmp_path / "w")])
     assert {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)} == before
-
-
-def test_a_build_without_scipy_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.charts.build_process.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
-        command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w")])

@@ -202,24 +202,6 @@ def test_names_cannot_inject_lines_into_a_unit(root: Path, scenario: str, capsys
     assert "\nExecStartPre" not in (root / UNIT[1:]).read_text()
 
 
-@pytest.mark.parametrize(
-    ("text", "escaped"),
-    [
-        ("tank 2\\", "tank 2"),
-        ("100 % \\ \\\\", "100 %%"),
-        (r"C:\tank", r"C:\tank"),
-        ("one\r\ntwo\0three\x85four\u2028five", "one two three four five"),
-        ("\\", "mine.toml"),
-    ],
-)
-def test_a_description_is_one_line_of_the_unit(root: Path, tmp_path: Path, text: str, escaped: str) -> None:
-    scenario = tmp_path / "mine.toml"
-    scenario.write_text(f"description = {json.dumps(text)}\n" + SERIAL)
-    assert install(root, str(scenario), "--yes") == 0
-    lines = (root / UNIT[1:]).read_text().split("\n")
-    assert f"Description=UUV-HIL slave: {escaped.replace('mine.toml', str(scenario))}" in lines
-
-
 def test_every_rule_for_udev_is_well_formed(root: Path, scenario: str) -> None:
     assert install(root, scenario, "--yes") == 0
     token = r'(ACTION|SUBSYSTEM|KERNEL|SYMLINK|DRIVER|ENV\{DEVTYPE\})=="[^"]+"'

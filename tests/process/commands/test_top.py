@@ -21,7 +21,7 @@ from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.health.machine_figures import add_machine_figures, network_bytes
 from tests.support.diagnostics import reported
-from tests.support.processes import Program, free_port, wait_for, write_scenario
+from tests.support.processes import Program, wait_for, write_scenario
 
 
 @pytest.fixture(scope="module")
@@ -54,16 +54,6 @@ def print_once(folder: Path, port: int) -> str:
     with Program(folder, "top", "--connect", f"tcp/127.0.0.1:{port}", "--once") as top:
         assert top.process.wait(60) == 0, top.output
     return top.output
-
-
-def test_slaves_behind_a_router_are_shown(tmp_path: Path) -> None:
-    router = free_port()
-    with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{router}") as between:
-        between.expect("forwarding")
-        path, _ = write_scenario(tmp_path, f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{router}"\n')
-        with Program(tmp_path, "slave", path) as vehicle:
-            vehicle.expect("ready")
-            assert row(print_once(tmp_path, router), "state") == "waiting for commands, thrusters neutral"
 
 
 def test_the_message_rate_with_a_client_of_all_topics(slave: int, tmp_path: Path) -> None:

@@ -164,12 +164,6 @@ def test_a_fork_does_not_hold_the_lifeline_of_its_parent() -> None:
     assert done.stdout == "0\n", done.stderr
 
 
-def test_a_missing_program_is_reported() -> None:
-    child = start_child(foreign_command("/there/is/none"), stderr=subprocess.PIPE, text=True)
-    assert child.communicate()[1] == "/there/is/none: cannot be started: No such file or directory\n"
-    assert child.returncode == 127
-
-
 def test_a_foreign_program_has_default_signal_handling() -> None:
     child = start_child(foreign_command("cat", "/proc/self/status"), stdout=subprocess.PIPE, text=True)
     output = dict(line.split(":\t") for line in child.communicate()[0].splitlines())

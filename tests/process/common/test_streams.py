@@ -67,17 +67,6 @@ except streams.ConfigError:
     assert int(completed.stderr) > 2
 
 
-@pytest.mark.parametrize(
-    "environment",
-    [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}],
-)
-def test_output_to_an_ascii_terminal_is_ascii(environment: dict[str, str]) -> None:
-    code, output = run("UUV vehicle paper_six | grep 'kg/m3' > /dev/null && UUV vehicle --density x", **environment)
-    assert code == 2
-    assert output.isascii()
-    assert "kg/m3" in output
-
-
 @pytest.mark.parametrize("name", ["/usr/bin/uuv-hil", "/usr/lib/python3/hil/__main__.py"])
 def test_ctrl_c_while_modules_load_ends_quietly(name: str) -> None:
     """The handler is set before the command's own module is loaded."""
@@ -111,47 +100,3 @@ def test_ctrl_c_is_an_exception_again_once_all_is_loaded() -> None:
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.parametrize("command", [["sim"], ["demo"], ["campaign"], ["master", "--connect", "127.0.0.1"]])
-def test_a_fleet_scenario_is_refused_by_commands_for_one_vehicle(
-    command: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main([*command, "target_hunting"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "this is a fleet (uuv1, uuv2, uuv3" in line
-    assert "`uuv-hil slave target_hunting --member uuv1`" in line
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('"paper_six"', '"paper_sx"', "vehicle: no vehicle 'paper_sx'; did you mean 'paper_six'?"),
-        ('"pool"', '"pol"', "world: no world 'pol'; did you mean 'pool'?"),
-        ('"pool"', '"pol.toml"', "pol.toml: no such file"),
-        ('"pool"', '"../worlds/pool"', "world: no world '../worlds/pool'"),
-        ("[link]", '[link]\nframe = "aa5"', "link.frame: no frame 'aa5'; did you mean 'aa55'?"),
-    ],
-)
-def test_a_missing_preset_is_reported_by_file_and_key(
-    old: str, new: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from tests.support.processes import write_scenario
-
-    path, _ = write_scenario(tmp_path)
-    path.write_text(path.read_text().replace(old, new))
-    for command in (["sim", "--fast"], ["slave"], ["doctor"]):
-        assert cli.main([command[0], str(path), *command[1:]]) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith(f"uuv-hil {command[0]}: {path}: ")
-        assert message in line
-        assert "sim/" not in line
-
-
-def test_an_empty_recording_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    empty = tmp_path / "empty.mcap"
-    empty.touch()
-    for command in (["recording", "replay"], ["recording", "replay", "--check"], ["recording", "plot"]):
-        assert cli.main([*command[:2], str(empty), *command[2:]]) == 2
-        out, err = capsys.readouterr()
-        assert (out, err) == ("", f"uuv-hil {' '.join(command[:2])}: {empty}: not an MCAP file: it is empty\n")

@@ -276,9 +276,3 @@ def test_the_scene_has_the_world_and_the_vehicle(foxglove: Foxglove) -> None:
         if channel["topic"] == "/scene"
     ]  # fmt: skip
     assert (channel["encoding"], channel["schemaName"]) == ("protobuf", SceneUpdate.get_schema().name)
-
-
-def test_the_layout_is_printed(tmp_path: Path) -> None:
-    with Program(tmp_path, "gateway", "foxglove", "--layout", "uuv1", "--scenario", "paper_field") as program:
-        assert program.process.wait(60) == 0
-    assert json.loads(program.output)["configById"]["Teleop!stick"]["topic"] == "/uuv1/cmd_vel"

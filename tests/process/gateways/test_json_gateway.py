@@ -155,15 +155,6 @@ def test_the_token_is_new_private_and_removed(tmp_path: Path) -> None:
     assert not Path(second.path).exists()
 
 
-def test_a_token_that_cannot_be_written_is_only_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
-    access = Access(7450)
-    assert access.path == ""
-    assert access.admits(access.token)
-    access.close()
-
-
 def test_nan_is_sent_as_null(client: Client) -> None:
     sample = client.call(do="get", sensor="diagnostics")
     assert sample["sample"]["thrusters"] == 6

@@ -247,17 +247,6 @@ def service(path: Path, user: str = "nobody") -> Service:
     return Service(load_scenario(str(path)), str(path), user)
 
 
-def test_a_scenario_in_a_private_folder_of_the_service_is_refused(scenario: str) -> None:
-    """The real machine is checked, as the folders of pytest are in /tmp. Nothing is installed."""
-    path = Path("/var/tmp") / f"uuv-hil-{os.getpid()}.toml"
-    path.write_text(SERIAL)
-    try:
-        with pytest.raises(ConfigError, match="has a private /tmp"):
-            board_check.check(Tree("/"), service(path))
-    finally:
-        path.unlink()
-
-
 def test_the_scenario_is_loaded_as_the_user_of_the_service(
     scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -279,19 +268,6 @@ def test_the_scenario_is_loaded_as_the_user_of_the_service(
     with pytest.raises(SystemExit, match=r"nothing\.toml: no such file"):
         board_check.main(str(tmp_path / "nothing.toml"), "", "")
     board_check.main(scenario, "tcp/0.0.0.0:7447", "")
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can try as another user")
-def test_a_python_that_the_user_cannot_execute_is_refused(
-    scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(board_check, "PRIVATE_FOLDERS", ("/nowhere/",))
-    closed_folder = tmp_path / "closed"
-    closed_folder.mkdir(mode=0o700)
-    (closed_folder / "python3").symlink_to(sys.executable)
-    monkeypatch.setattr("sys.executable", str(closed_folder / "python3"))
-    with pytest.raises(ConfigError, match="python3: nobody may not execute it"):
-        board_check.check(Tree("/"), service(Path(scenario)))
 
 
 def test_the_default_serial_port_of_a_board_has_its_drivers(tmp_path: Path) -> None:

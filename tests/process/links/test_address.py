@@ -59,15 +59,6 @@ def test_an_invalid_address_is_refused(text: str) -> None:
     assert str(caught.value).startswith(f"{text!r} is not the address of a wire; there are pty:/tmp/name, ")
 
 
-@pytest.mark.parametrize("text", ["can:slcan:/dev/ttyACM0", "/dev/ttyACM0", "rs485:/dev/ttyACM0"])
-def test_a_speed_in_an_address_is_refused(text: str) -> None:
-    """python-can allows a speed in the address; here it is a key of its own."""
-    with pytest.raises(ConfigError) as caught:
-        parse_address(f"{text}@115200")
-    remedy = "leave @115200 out, and set baud = 115200 in [link] (--baud of stm32 and loopback)"
-    assert str(caught.value) == f"'{text}@115200': a speed is no part of it: {remedy}"
-
-
 def test_a_named_pty_is_opened_at_both_ends(tmp_path: Path) -> None:
     address = f"pty:{tmp_path}/stm32"
     device = open_address(address, "device")

@@ -9,7 +9,6 @@ from hil.common.errors import DeviceError
 from hil.links.wires import net
 from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
 from tests.support.links.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, wait_readable
-from tests.support.processes import free_port
 
 HOST = "127.0.0.1"
 
@@ -83,15 +82,6 @@ class TestTcp:
         with pytest.raises(DeviceError, match=rf"^tcp://127\.0\.0\.2:{tcp.port}: Connection refused; start"):
             TcpHostWire("127.0.0.2", tcp.port)
 
-    def test_a_missing_listener_is_reported(self) -> None:
-        port = free_port()
-        with pytest.raises(DeviceError, match=rf"^tcp://{HOST}:{port}: .*refused; start the end that listens first"):
-            TcpHostWire(HOST, port)
-
-    def test_a_port_in_use_is_reported(self, tcp: TcpWire) -> None:
-        with pytest.raises(DeviceError, match=rf"^tcp://{HOST}:{tcp.port}: cannot listen: Address already in use"):
-            TcpWire(HOST, tcp.port)
-
     def test_the_port_is_free_again_at_once(self) -> None:
         first = TcpWire()
         host = TcpHostWire(HOST, first.port)
@@ -102,10 +92,6 @@ class TestTcp:
         assert again.name == first.name
         again.close()
         host.close()
-
-    def test_an_unknown_host_is_reported(self) -> None:
-        with pytest.raises(DeviceError, match=r"^tcp://no\.such\.host\.invalid:1: "):
-            TcpHostWire("no.such.host.invalid", 1)
 
 
 class TestUdp:
@@ -185,11 +171,3 @@ class TestUdp:
         host = UdpHostWire(HOST, udp.port)
         assert host.write(bytes(70_000)) == 0
         host.close()
-
-    def test_a_port_in_use_is_reported(self, udp: UdpWire) -> None:
-        with pytest.raises(DeviceError, match=rf"^udp://{HOST}:{udp.port}: cannot listen: Address already in use"):
-            UdpWire(HOST, udp.port)
-
-    def test_an_unknown_host_is_reported(self) -> None:
-        with pytest.raises(DeviceError, match=r"^udp://no\.such\.host\.invalid:1: "):
-            UdpHostWire("no.such.host.invalid", 1)

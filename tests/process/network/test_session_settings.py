@@ -9,7 +9,6 @@ import pytest
 
 from hil.commands.keys import add_machine, init, main
 from hil.common.errors import ConfigError, NetworkError
-from hil.common.schema import parse
 from hil.network.discovery import find
 from hil.network.opening import listen
 from hil.network.responder import answer_searches
@@ -83,20 +82,6 @@ def test_gossip_is_on_only_for_roles_that_need_it(tmp_path: Path) -> None:
     hosts: tuple[Role, ...] = ("slave", "router")
     for role in hosts:
         assert "'gossip':{'enabled':false}" in settings(role, ("tls/10.0.0.1:7447",), (), Network(), security)
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({"mode": "routed"}, "router"),
-        ({"router": "tcp/a:1"}, "routed"),
-        ({"lease": 0.01}, "0.2"),
-        ({"laese": 1}, "lease"),
-    ],
-)
-def test_a_wrong_network_section_is_named(table: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        parse(table, Network, "file: network")
 
 
 def test_presence_keys_are_decoded() -> None:

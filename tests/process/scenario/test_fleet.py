@@ -5,7 +5,6 @@ from typing import Any
 
 import pytest
 
-from hil.cli import main
 from hil.common.errors import ConfigError, MissionError
 from hil.scenario.config import Scenario, load_scenario
 from hil.scenario.fleet import as_member, hunt_plan, hunting_of
@@ -18,9 +17,6 @@ agent = "tcp/127.0.0.1:{agent}"
 north = {north}
 east = 0
 """
-FLEET = "target_hunting.toml: member: this is a fleet (uuv1, uuv2, uuv3, uuv4)"
-CONNECT_HINT = "name those to listen to, --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:"
-EACH_ENDPOINT_HINT = f"{FLEET}, and each vehicle has an endpoint of its own: {CONNECT_HINT}"
 HEAD = """
 vehicle = "paper_seven"
 world = "pool"
@@ -78,21 +74,6 @@ def test_wrong_members_are_named(tmp_path: Path, changes: dict[str, Any], messag
         fleet(tmp_path, nodes="a b", **changes)
 
 
-@pytest.mark.parametrize(
-    ("tail", "message"),
-    [
-        (
-            "[hunting]\ntarget = [5, 8]\nreport_timeout = '100 ms'",
-            "report_timeout must be at least twice report_period",
-        ),
-        ("[hunting]\ntarget = [5, 8]\n[hunting.fields]\ncomfortable = 9", "comfortable must be below"),
-    ],
-)
-def test_wrong_hunts_are_named(tmp_path: Path, tail: str, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        fleet(tmp_path, tail=tail)
-
-
 def test_a_hunt_plan_needs_a_hunt_and_three_members(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"there is no \[hunting\].*such as target_hunting"):
         hunting_of(fleet(tmp_path))
@@ -100,26 +81,3 @@ def test_a_hunt_plan_needs_a_hunt_and_three_members(tmp_path: Path) -> None:
         hunt_plan(fleet(tmp_path, nodes="a b", tail="[hunting]\ntarget = [5, 8]"))
     plan = hunt_plan(fleet(tmp_path, tail="[hunting]\ntarget = [5, 8]\nring = '2 m'"))
     assert (plan.starts[2], plan.target, plan.ring) == ((6.0, 0.0), (5.0, 8.0), 2.0)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["slave", "target_hunting"], "say with --member which vehicle this is: uuv1, uuv2, uuv3, uuv4"),
-        (["slave", "target_hunting", "--member", "uuv5"], "no member 'uuv5'"),
-        (["slave", "paper_field", "--member", "uuv1"], "it has no [[member]]"),
-        (["fleet", "agent", "target_hunting"], "say with --member"),
-        (["fleet", "agent", "paper_field", "--member", "uuv1"], "it has no [[member]]"),
-        (["fleet", "agent", "target_hunting", "--member", "2", "--wait", "0.2"], "no vehicle 'uuv2' answered at tcp/"),
-        (["bench", "table", "target_hunting"], f"{FLEET}, and a benchmark is of one vehicle: take another scenario"),
-        (["bench", "stream", "target_hunting", "--connect", "HOST"], f"{FLEET}, and a benchmark is of one vehicle"),
-        (["recording", "make", "--scenario", "target_hunting"], EACH_ENDPOINT_HINT),
-        (["top", "--scenario", "target_hunting", "--once"], EACH_ENDPOINT_HINT),
-        (["gateway", "foxglove", "--scenario", "target_hunting"], EACH_ENDPOINT_HINT),
-    ],
-)
-def test_commands_name_the_missing_option(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(arguments) != 0
-    assert message in capsys.readouterr().err

@@ -10,8 +10,8 @@ from random import Random
 
 import pytest
 
-from hil.bench.load_run import Setting, course, difference, groups, of_group, settings
-from hil.bench.processes import read_threads, shares, thread_names
+from hil.bench.load_run import Setting, course, difference, groups, of_group
+from hil.bench.processes import read_threads, shares
 from hil.bench.soak_run import Observation, Outage, Soak, trend
 from hil.bench.stream_run import Listening, Stream, expected, missing
 from hil.cli import main
@@ -25,11 +25,6 @@ def test_processor_shares_of_threads_are_computed() -> None:
     before = threads({"1/1 main": 1.0, "1/2 rx": 0.5}, 100.0)
     after = threads({"1/1 main": 1.5, "1/2 rx": 0.5, "1/3 rx": 0.2}, 102.0)
     assert shares(before, after) == {"1/1 main": 0.25, "1/2 rx": 0.0, "1/3 rx": pytest.approx(0.1)}
-
-
-def test_threads_of_one_name_are_distinguished() -> None:
-    names = thread_names({"1/10 rx", "1/9 rx", "2/11 rx", "1/1 main program"})
-    assert names == {"1/1 main program": "main program", "1/9 rx": "rx", "1/10 rx": "rx #2", "2/11 rx": "rx"}
 
 
 def test_threads_and_memory_of_this_process_are_measured() -> None:
@@ -54,15 +49,6 @@ def test_a_shared_file_mapping_is_no_private_memory(tmp_path: Path) -> None:
         after = read_threads([os.getpid()])
     assert after.pss_mib - before.pss_mib > 15.0
     assert after.private_mib - before.private_mib < 3.0
-
-
-def test_the_settings_of_a_load_benchmark() -> None:
-    names = [setting.name for setting in settings(("imu", "dvl", "laser"), [100.0], [1, 2])]
-    assert names[0] == "as it is"
-    assert {"without dvl", "without laser", "with gps", "with pressure", "100 Hz", "1 vehicle", "2 vehicles"} < {*names}
-    assert "without imu" not in names, "the controller lives on it"
-    assert names[-1] == "as it is, again"
-    assert [setting.name for setting in settings(None, [], [])] == ["as it is"]
 
 
 def test_figures_of_a_course_are_separated_by_process() -> None:

@@ -217,21 +217,6 @@ def test_wrong_and_hostile_maps_are_refused_with_a_one_line_error(
     assert len(str(error.value)) < len(str(tmp_path)) + 350
 
 
-def test_pipes_devices_and_oversized_files_are_refused(tmp_path: Any) -> None:
-    """A pipe would block, a device never ends, and a sparse file may be larger than the memory."""
-    (tmp_path / "m.yaml").write_text(GOOD_YAML, encoding="utf-8")
-    os.mkfifo(tmp_path / "m.pgm")
-    with pytest.raises(ConfigError, match=r"m\.pgm: is no regular file"):
-        OccupancyGrid.read(str(tmp_path / "m.yaml"))
-    os.remove(tmp_path / "m.pgm")
-    with open(tmp_path / "m.pgm", "wb") as image:
-        image.truncate(1 << 40)
-    with pytest.raises(ConfigError, match=r"m\.pgm: has 1048576 MiB; such a file has at most 256 MiB"):
-        OccupancyGrid.read(str(tmp_path / "m.yaml"))
-    with pytest.raises(ConfigError, match="no regular file"):
-        OccupancyGrid.read("/dev/zero")
-
-
 def test_a_large_map_is_rasterised_in_strips_and_a_too_large_one_refused() -> None:
     """The map is made in pieces of no more than STRIP cells, in strips of two rows at least."""
     sizes: list[tuple[int, int]] = []

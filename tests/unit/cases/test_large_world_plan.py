@@ -11,7 +11,6 @@ import pytest
 
 from hil.autonomy.paths.astar import path_length
 from hil.charts.grid import overview
-from hil.common.errors import NoPathError
 from hil.master.flight import make_request, prepare
 from hil.scenario.config import Scenario, load_scenario
 from hil.scenario.map_parts import MAX_GROWN
@@ -84,13 +83,6 @@ def test_a_detour_beyond_the_first_part_is_found(tmp_path: Path) -> None:
     plan = prepare(scenario(tmp_path, wall=2600.0))
     assert max(north for north, *_ in plan.planner.path) > 1090.0
     assert 2500.0 < path_length(plan.planner.path) < 2800.0
-
-
-def test_a_missing_path_is_reported_with_the_extent_searched(tmp_path: Path) -> None:
-    with pytest.raises(
-        NoPathError, match=r"obstacles part them.*; the largest map shows 50000 m x .* in cells of 32 m"
-    ):
-        prepare(scenario(tmp_path, wall=3010.0))
 
 
 def test_paths_between_distant_points_use_coarser_cells(tmp_path: Path) -> None:

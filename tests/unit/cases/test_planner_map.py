@@ -163,13 +163,6 @@ def test_a_path_is_planned_on_a_map_from_a_file(tmp_path: Path) -> None:
         prepare(load_scenario("paper_field", {"master.map": "nowhere.yaml"}))
 
 
-def test_a_depth_below_a_flat_seabed_is_refused() -> None:
-    with pytest.raises(
-        ConfigError, match=r"at 9.8 m the vehicle has not its 0.42 m of water above the seabed of paper"
-    ):
-        prepare(load_scenario("paper_field", {"master.depth": 9.8}))
-
-
 def test_thin_obstacles_always_occupy_a_cell() -> None:
     """A pile of 8 cm and a plate of 4 cm occupy cells of 1 m wherever they stand."""
     for shift in np.linspace(0.0, 1.0, 21):

@@ -13,11 +13,11 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.autonomy.paths.curves import Position
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.cases.simulated import SimulatedVehicle
-from hil.common.errors import ConfigError, MissionError
+from hil.common.errors import MissionError
 from hil.master.avoid import Avoid
 from hil.master.flight import HEADING_HOLD, Flight, distance_to_path, held, prepare
 from hil.master.follow import Follow
-from hil.master.planner import Done, Planner, PlanRequest, ReceivedSamples, Samples
+from hil.master.planner import Done, Planner, PlanRequest, Samples
 from hil.master.tasks import Tasks, hold_position
 from hil.ros import encoders as ros
 from hil.scenario.config import load_scenario
@@ -183,19 +183,6 @@ class SentPlanner(Planner):
         else:
             assert other == command
         return command
-
-
-def test_a_missing_sample_is_reported_by_name() -> None:
-    received = ReceivedSamples({"odom": 1, "imu": 2})
-    assert received.get("altimeter") is None
-    with pytest.raises(KeyError, match=r"no sample of 'altimeter' yet.*There are: odom, imu"):
-        received["altimeter"]
-
-
-def test_an_unknown_topic_is_refused_before_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Follow, "subscriptions", ("altimetre",))
-    with pytest.raises(ConfigError, match="Follow: subscriptions: no topic 'altimetre'; did you mean 'altimeter'"):
-        prepare(load_scenario("paper_field"))
 
 
 @pytest.mark.parametrize("name", ["path_planning", "task_scheduling"])

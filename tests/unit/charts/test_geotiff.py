@@ -1,6 +1,5 @@
 """The grid of a world, and its export as a GeoTIFF."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import rasterio
 
 from hil.charts.geotiff import write_geotiff
 from hil.charts.grid import Grid, grid_of
-from hil.common.errors import MissingExtraError
 from sim.environment.world import load_world
 
 NORTH, EAST = np.arange(12)[:, None], np.arange(17)
@@ -64,9 +62,3 @@ def test_a_geotiff_without_an_origin_is_local(tmp_path: Path) -> None:
     with rasterio.open(path) as source:
         assert not (source.crs and (source.crs.is_projected or source.crs.is_geographic))
         assert source.xy(0, 0) == (40.0, 35.0)
-
-
-def test_an_export_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "rasterio", None)
-    with pytest.raises(MissingExtraError, match=r"uuv-hil\[raster\]"):
-        write_geotiff(sloping(), None, str(tmp_path / "bed.tif"))

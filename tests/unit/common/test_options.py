@@ -1,7 +1,6 @@
 """Every option of every command accepts only valid values: checked for all of them through their parsers."""
 
 import argparse
-import re
 from collections.abc import Iterator
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -198,26 +197,6 @@ def test_the_slave_checks_its_endpoint_with_and_without_argparse(
     assert cli.main(["slave", "paper_field", "--listen", "tcp/127.0.0.1:99999", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("uuv-hil slave: --listen: endpoint 'tcp/127.0.0.1:99999' is not of the form tcp/HOST:PORT")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "suggestion"),
-    [
-        (["slav"], "slave"),
-        (["bench", "tabel"], "table"),
-        (["sim", "--fsat"], "--fast"),
-        (["master", "paper_field", "--connect=pi", "--takeover"], "--take-over"),
-        (["sim", "paper_feild"], "paper_field"),
-        (["link", "frame", "check", "aa5"], "aa55"),
-        (["case", "path_planing"], "path_planning"),
-        (["link", "loopback", "--stm32", "unicron"], "unicorn"),
-    ],
-)
-def test_a_similar_name_is_suggested(arguments: list[str], suggestion: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"did you mean '{suggestion}'?" in line
-    assert len(re.findall("uuv-hil", line.partition("; see ")[0])) == 1, "a prefix twice"
 
 
 def test_every_output_file_is_checked_first() -> None:

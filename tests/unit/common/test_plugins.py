@@ -86,10 +86,3 @@ def test_an_error_while_a_module_loads_is_attributed_to_that_module(
     own = plugins.own_traceback(caught.value)
     assert own is not None
     assert (Path(own.tb_frame.f_code.co_filename).name, own.tb_lineno) == ("unfinished.py", 2)
-
-
-def test_an_error_of_the_project_is_not_attributed_to_a_user_module(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugins, "loaded", {"hil.common.plugins", "json"})
-    with pytest.raises(ConfigError) as caught:
-        load("no_such_module:Good")
-    assert plugins.own_traceback(caught.value) is None

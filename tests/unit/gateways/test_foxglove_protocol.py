@@ -3,12 +3,11 @@
 import json
 import re
 from struct import pack
-from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.gateways.foxglove.layout import MESSAGES_OF_PLOTS, layout
+from hil.gateways.foxglove.layout import layout
 from hil.gateways.foxglove.protocol import (
     ClientMessage,
     ServiceRequest,
@@ -17,8 +16,6 @@ from hil.gateways.foxglove.protocol import (
     encode_message,
     encode_response,
 )
-from hil.ros import message as ros_message
-from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Ros
 from sim.sensors.sensor_set import load_sensor, select_sensors
@@ -51,12 +48,6 @@ def test_a_length_beyond_the_end_is_refused() -> None:
     assert decode_text("[" * 100_000) is None
 
 
-def test_the_layout_names_the_topics_of_its_vehicle() -> None:
-    text = layout("uuv7")
-    assert "/uuv7/odom" in text
-    assert "/uuv1/" not in text
-
-
 def test_the_layout_has_panels_for_the_vehicles_sensors_only() -> None:
     """A vehicle without a camera, sonar or battery has no panel for it."""
     usual = json.loads(layout("uuv1"))["configById"]
@@ -80,13 +71,3 @@ def test_all_panels_of_the_layout_are_placed_once() -> None:
     made = json.loads(layout("uuv1", load_scenario("paper_field")._replace(sensors=select_sensors(**SENSORS))))
     placed = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(made))
     assert sorted(placed) == sorted(made["configById"])
-
-
-def test_the_layout_plots_fields_that_messages_have() -> None:
-    for curves in MESSAGES_OF_PLOTS.values():
-        for path, _ in curves:
-            name, *fields = path.partition("[")[0].split(".")
-            message: Any = ros_message.empty(TOPICS[name].type)
-            for field in fields:
-                assert field in message, path
-                message = message[field]

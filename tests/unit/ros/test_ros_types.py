@@ -191,24 +191,6 @@ def test_an_image_may_be_an_array_of_rows() -> None:
     assert message["data"] == bytes(range(24))
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"linar": {}}, r"geometry_msgs/msg/Twist: no field 'linar'; did you mean 'linear'\?"),
-        ({"linear": {"x": "fast"}}, "geometry_msgs/msg/Twist.linear.x: expected a number, found 'fast'"),
-        ({"linear": {"x": "1.5"}}, "Twist.linear.x: expected a number, found '1.5'"),
-        ({"linear": {"x": True}}, "Twist.linear.x: expected a number, found True"),
-        ({"linear": {"x": [1.0]}}, "Twist.linear.x: no float64"),
-        ({"linear": {"x": 10**400}}, "Twist.linear.x: no float64"),
-        ({"linear": 1.0}, "geometry_msgs/msg/Twist.linear: expected the fields of geometry_msgs/msg/Vector3"),
-        ({"linear": {"w": 1.0}}, "no field 'w'; there are: x, y, z"),
-    ],
-)
-def test_wrong_values_are_reported_with_their_field(values: Any, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        ros_message.encode("geometry_msgs/msg/Twist", values)
-
-
 def test_a_bounded_sequence_is_limited() -> None:
     name, one = "rcl_interfaces/msg/ParameterDescriptor", {"to_value": 3}
     message = ros_message.decode(name, ros_message.encode(name, {"integer_range": [one]}))

@@ -7,8 +7,6 @@ import pytest
 from hil.common.errors import ConfigError
 from hil.common.schema import find_preset
 from hil.scenario.config import load_scenario
-from hil.slave.pilot import build_pilot
-from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
 
 SCENARIO = """
@@ -35,24 +33,6 @@ kind = "radio"
 slot = -1
 [master]
 speed = 20.0
-"""
-WORLD = """
-name = "mine"
-extent = [0.0, 50.0, 0.0]
-depth = 0.0
-[terrain]
-kind = "slop"
-[[cylinder]]
-north = 1.0
-[ocean.waves]
-hight = 1
-[[shape]]
-kind = "pile"
-north = "5 s"
-east = 1.0
-heigth = 3.0
-[[zone]]
-kind = "forbiden"
 """
 
 
@@ -88,22 +68,6 @@ def test_a_change_is_named_with_the_mistakes_that_it_makes(tmp_path: Path) -> No
     assert [line.startswith(start) for line, start in zip(lines, starts, strict=True)] == [True] * 3, lines
 
 
-def test_a_world_lists_the_mistakes_of_all_sections(tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(WORLD)
-    with pytest.raises(ConfigError) as caught:
-        load_world(str(path))
-    starts = [
-        "extent: expected 4 values", "depth: 0 m is", "terrain: kind: 'slop'", "cylinder[0]: key 'east'",
-        "cylinder[0]: key 'radius'", "ocean: waves: no key 'hight'", "ocean: waves: key 'significant_height'",
-        "ocean: waves: key 'peak_period'",
-        "shape[0]: north: has the unit", "shape[0]: no key 'heigth'; did you mean 'height'", "zone[0]: kind",
-        "zone[0]: key 'outline'", "key 'source' is missing",
-    ]  # fmt: skip
-    found = mistakes(caught.value, path)
-    assert [line.startswith(start) for line, start in zip(found, starts, strict=True)] == [True] * len(starts), found
-
-
 def test_a_vehicle_lists_the_mistakes_of_all_sections_and_common_ones_once(tmp_path: Path) -> None:
     text = Path(find_preset("sim/vehicles", "remus100")).read_text()
     path = tmp_path / "mine.toml"
@@ -130,14 +94,3 @@ def test_one_number_stands_for_an_array_of_one(tmp_path: Path, drag: str) -> Non
     vehicle, _ = load_vehicle(str(path))
     assert vehicle.cross_flow is not None
     assert (vehicle.cross_flow.drag, vehicle.cross_flow.length) == ((1.1,), 0.6096)
-
-
-def test_mistakes_of_a_controller_are_listed_together() -> None:
-    scenario = load_scenario("paper_field")
-    vehicle, control = load_vehicle(scenario.vehicle)
-    wrong = {**control, "heave": {"p": "x"}, "gain": 1, "fins": {"climb": -1}, "options": 3}
-    with pytest.raises(ConfigError) as caught:
-        build_pilot(scenario, vehicle, wrong, load_world(scenario.world))
-    places = [line.split(": ", 2)[2] for line in str(caught.value).splitlines()]
-    starts = ["heave: p: ", "no key 'gain'", "fins: climb: ", "options: expected a table"]
-    assert [place.startswith(start) for place, start in zip(places, starts, strict=True)] == [True] * 4, places

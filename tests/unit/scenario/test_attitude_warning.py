@@ -4,8 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from hil.doctor.findings import User
-from hil.doctor.software import check_start
 from hil.scenario.attitude_warning import attitude_warning
 from hil.scenario.config import load_scenario
 
@@ -52,12 +50,3 @@ def test_a_hunt_is_checked_by_the_top_speed_of_its_fields(tmp_path: Path) -> Non
     warning = attitude_warning(scenario._replace(vehicle=TIPPING, hunting=quick))
     assert warning is not None
     assert "hunting: fields: max_speed: 0.9 m/s" in warning
-
-
-def test_doctor_reports_it_as_a_note(tmp_path: Path) -> None:
-    me = User("me", 0, ())
-    for vehicle, noted in ((TIPPING, True), ("bluerov2_heavy", False)):
-        scenario = load_scenario(scenario_file(tmp_path, vehicle, 0.8))
-        found = {finding.topic: finding for finding in check_start(scenario, me)}
-        assert ("attitude" in found) == noted
-        assert not noted or found["attitude"].level == "note"

@@ -93,19 +93,6 @@ def test_the_modem_table_has_the_keys_of_the_modem() -> None:
     assert acoustic.model.airtime_ns(16) == 158 * MS
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"modem.bitrate": 3}, "--set modem.bitrate: no key 'bitrate'; did you mean 'bit_rate'"),
-        ({"modem.slot": 0.2}, "a report of 16 bytes takes 0.23 s, more than a slot; lengthen slot"),
-        ({"hunting.report_timeout": 1.5}, "report_timeout must be at least 2 s"),
-    ],
-)
-def test_wrong_modem_settings_are_reported(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        modem_of(load_scenario(SCENARIO, changes))
-
-
 def test_a_scenario_without_a_modem_table_has_no_modem(tmp_path: Path) -> None:
     scenario = load_scenario(write_variant("target_hunting", str(tmp_path), {}))
     assert scenario.modem is None

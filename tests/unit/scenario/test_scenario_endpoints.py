@@ -47,32 +47,3 @@ def test_an_invalid_endpoint_is_reported_by_file_and_key(
     for endpoint in ("192.168.3.116", "pi.local:7449", "tcp/[::1]:7447"):
         path.write_text(HEAD + tail.format(endpoint))
         load_scenario(str(path))
-
-
-@pytest.mark.parametrize(("tail", "key"), ENDPOINTS)
-def test_tls_without_certificates_is_an_error_of_the_file(
-    tail: str, key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(HEAD + tail.format("tls/127.0.0.1:7447"))
-    assert main(["scenario", "check", str(path)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{path}: {key}: " in line
-    assert "`uuv-hil keys add NAME`" in line
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["master", "paper_field", "--connect"], ["demo", "--listen"], ["topic", "list", "--connect"],
-        ["top", "--connect"], ["router", "--listen"], ["recording", "make", "--connect"],
-    ],
-)  # fmt: skip
-def test_tls_without_certificates_is_an_error_of_the_option(
-    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The error comes before planning, and is not reported as a fault of the network."""
-    monkeypatch.chdir(tmp_path)
-    assert main([*arguments, "tls/127.0.0.1:7447"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "certificates: make them with `uuv-hil keys add NAME`" in line

@@ -63,23 +63,6 @@ def test_a_simulation_refuses_other_types(arguments: dict[str, Any], message: st
         Simulation(**vehicle)
 
 
-def test_a_failure_of_another_type_is_refused_during_a_run() -> None:
-    simulation = Simulation(SIX, POOL, {}, position=PLACE)
-    off: Any = "off"
-    with pytest.raises(ConfigError, match=r"failures\[0\] is off: give a Failure"):
-        simulation.fail(off)
-
-
-@pytest.mark.parametrize("may_fail", [False, True], ids=["sound", "failing"])
-@pytest.mark.parametrize("pulses", [5, None, 1500.0])
-def test_pulses_that_are_not_a_list_are_refused(pulses: Any, may_fail: bool) -> None:
-    simulation = Simulation(SIX, POOL, {}, position=PLACE)
-    if may_fail:
-        simulation.fail()
-    with pytest.raises(ConfigError, match=rf"pwm_us = {pulses}: give a list of pulses"):
-        simulation.step(pulses)
-
-
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 @pytest.mark.parametrize("returned", [None, (1.0, 2.0), ("x",) * 6, (0.0,) * 7])
 def test_a_force_that_returns_an_invalid_wrench_is_reported(returned: Any, integrator: Integrator) -> None:

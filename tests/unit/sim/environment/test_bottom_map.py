@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.bottom import PROPERTIES, Bottom
 from sim.environment.things.natures import NATURES
@@ -96,18 +95,3 @@ def test_a_camera_shows_the_colours_of_the_kinds(tmp_path: Path) -> None:
     unknown, sand, mud, shells = (camera_colours(world_of(tmp_path, [code] * 9)) for code in (0, 4, 1, 17))
     assert unknown == sand
     assert mud < 0.8 * sand < sand < shells
-
-
-@pytest.mark.parametrize(
-    ("codes", "text", "output"),
-    [
-        ([1] * 8, "", "w.bottom: 8 bytes, but 3 x 3 are 9"),
-        ([1] * 9, "bottom_map = 3\n", "not valid TOML"),
-    ],
-)
-def test_invalid_files_are_refused(tmp_path: Path, codes: list[int], text: str, output: str) -> None:
-    with pytest.raises(ConfigError, match=output):
-        world_of(tmp_path, codes, text)
-    (tmp_path / "x.toml").write_text(HEAD + "bottom_map = 3\n")
-    with pytest.raises(ConfigError, match="bottom_map: expected a table"):
-        load_world(str(tmp_path / "x.toml"))

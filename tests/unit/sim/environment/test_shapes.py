@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.common.errors import ConfigError
 from hil.scenario.world_map import map_at
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact
@@ -144,20 +143,3 @@ def test_a_wreck_has_its_attitude_and_an_open_hold(tmp_path: Path) -> None:
     hold, deck = (RayScene(world).ranges((0.0, east, 10.0), down, 30.0)[0] for east in (2.0, 5.2))
     assert (hold, deck) == pytest.approx((10.0, 6.0), abs=0.01), "to its keel, and to the deck"
     assert RayScene(world).ranges((0.0, 0.0, 3.0), down, radians(1.0))[0] == inf
-
-
-@pytest.mark.parametrize(
-    ("text", "output"),
-    [
-        ('kind = "net_pan"\n', "kind: 'net_pan'.*net_pen"),
-        ('kind = "pile"\nlength = 3\n', "no key 'length'.*height"),
-        ('kind = "net"\nmesh = 0.01\ntwine = 0.02\n', "twine is not thinner than mesh"),
-        ('kind = "chain"\nbar = 0.005\ndrop = 900\n', "links are more than 4000"),
-        ('kind = "pile"\nheight = -3\n', "height"),
-    ],
-)
-def test_invalid_shapes_are_refused(tmp_path: Path, text: str, output: str) -> None:
-    with pytest.raises(ConfigError, match=output):
-        world_of(tmp_path, f"[[shape]]\n{text}north = 0\neast = 0\n")
-    with pytest.raises(ConfigError, match=r"shape: expected tables, each under \[\[shape\]\]"):
-        world_of(tmp_path, 'shape = "pile"\n')

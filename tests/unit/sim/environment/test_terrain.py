@@ -166,12 +166,6 @@ def test_wrong_terrain_tables_are_reported(tmp_path: Path, text: str, message: s
     assert message in str(caught.value)
 
 
-def test_a_terrain_file_of_another_size_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "bay.f32").write_bytes(bytes(44))
-    with pytest.raises(ConfigError, match=r"bay\.f32: 44 bytes, but 3 x 4 depths are 48"):
-        load_world(world_file(tmp_path, FILE))
-
-
 def test_obstacles_stand_on_the_relief(tmp_path: Path) -> None:
     """A top at 26 m is in the flat seabed at 25 m, but not where the slope is 30 m deep; at 10 m it is."""
     pile = "[[cylinder]]\nnorth = {}\neast = 0\nradius = 1\ntop = 26\n"

@@ -201,17 +201,6 @@ def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:
         assert vehicle.center_of_gravity[0] == pytest.approx(0.5 * (1.0 - 0.65 * 0.5 / 20.5))
 
 
-def test_a_model_that_includes_itself_is_refused(tmp_path: Path) -> None:
-    folder = tmp_path / "worm"
-    folder.mkdir()
-    (folder / "model.config").write_text("<model><sdf>model.sdf</sdf></model>")
-    (folder / "model.sdf").write_text(
-        '<sdf><model name="worm"><include><uri>model://worm</uri></include><link name="l"/></model></sdf>'
-    )
-    with pytest.raises(ConfigError, match="models in each other, more than 8 deep"):
-        imported(folder / "model.sdf")
-
-
 @pytest.mark.parametrize("version", ["/tip", "/3", ""])
 def test_files_of_a_fuel_model_are_found_in_its_download_folder(
     version: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

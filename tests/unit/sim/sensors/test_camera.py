@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.common.errors import ConfigError, MissingExtraError
 from sim.dynamics import State
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.optics import decode, jerlov, underwater
@@ -97,17 +96,6 @@ def test_a_distorting_lens_maps_pixels_to_its_rays() -> None:
     sample = camera(FLAT, TRUE._replace(distortion=lens), DOWN).sample(0, POSE)
     assert depths(sample) == pytest.approx(np.full((61, 81), 4.0), abs=1e-6)
     assert sample.distortion == lens
-
-
-def test_without_numpy_the_error_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"camera needs numpy: pip install 'uuv-hil\[imaging\]'"):
-        camera(FLAT)
-
-
-def test_a_lens_that_folds_the_picture_is_refused() -> None:
-    with pytest.raises(ConfigError, match="distortion"):
-        camera(FLAT, TRUE._replace(distortion=(-0.9, 0.0, 0.0, 0.0, 0.0)))
 
 
 def test_k1_distorts_as_worked_out_by_hand() -> None:

@@ -4,10 +4,9 @@ from math import isnan, radians
 
 import pytest
 
-from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.ocean import Ocean, Waves
-from sim.environment.world import World, load_world
+from sim.environment.world import World
 from sim.geodesy import TangentPlane, earth_centred, geodetic
 from sim.rotations import from_euler
 from sim.sensors.gps import Gps, GpsModel
@@ -94,8 +93,3 @@ def test_waves_over_the_antenna_interrupt_the_fix() -> None:
     fixes = [gps.sample(i * S // 10, State((7.0, -3.0, -0.3))).fix for i in range(200)]
     assert fixes == [wave_field.elevation(i / 10.0, 7.0, -3.0) < 0.3 for i in range(200)]
     assert 20 < sum(fixes) < 180
-
-
-def test_a_world_without_an_origin_is_reported() -> None:
-    with pytest.raises(ConfigError, match=r"the world pool does not say .*origin = \[latitude, longitude\]"):
-        Gps(MODEL, Mounting(), 1, scene(load_world("pool"), 1.0))

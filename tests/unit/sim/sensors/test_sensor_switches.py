@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.world import load_world
 from sim.rotations import from_euler
@@ -16,7 +15,7 @@ from sim.sensors.error import ErrorModel
 from sim.sensors.extra_samples import BatterySample, FlagSample
 from sim.sensors.leak import Leak, LeakModel
 from sim.sensors.mounting import Mounting
-from sim.sensors.sensor_set import SensorSpec, read_sensors
+from sim.sensors.sensor_set import SensorSpec
 from sim.simulation import Simulation
 from sim.vehicle.battery import Battery, BatteryState
 from sim.vehicle.thrusters.curves import T200
@@ -65,11 +64,6 @@ def test_battery_monitor_errors_have_their_stated_size() -> None:
     assert fmean(amperes) == pytest.approx(battery.current, rel=0.003)
     size = ((0.01 * battery.current) ** 2 + 0.0305**2 * 13.0 / 12.0) ** 0.5
     assert pstdev(amperes) == pytest.approx(size, rel=0.12)
-
-
-def test_a_battery_monitor_without_a_battery_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"paper_six has no battery: give its vehicle file a \[battery\]"):
-        Simulation(VEHICLE, POOL, read_sensors({"battery": {}}, "a"), position=(0.0, 0.0, 1.0))
 
 
 def test_a_leak_starts_at_its_time() -> None:
