@@ -6,23 +6,16 @@ with speed (`curve` of kind "advance") counts along its direction at rest; a tur
 
 from collections.abc import Callable, Sequence
 from math import cos, sin
-from typing import Protocol
+from typing import Any
 
-from sim.forces import Wrench
+from sim.forces import Force, Wrench
 from sim.rotations import Rotation
 from sim.vehicle.servos import ServoSet
 from sim.vehicle.thrusters.model import Thruster
 from sim.vehicle.vehicle import Vehicle
 
 
-class Twin(Protocol):
-    """The C twin of an AzimuthSet."""
-
-    def set_thrusts(self, thrusts: Sequence[float], /) -> None:
-        """Set the thrusts (N) of the next step, one a servo."""
-
-
-class AzimuthSet(ServoSet):
+class AzimuthSet(ServoSet, Force):
     """The servos of all azimuth thrusters among `thrusters`, stepped every `dt` s, and the force of their turning.
 
     The thrusters' own wrench is that of their directions at rest; this force is the difference. `read_thrusts` returns
@@ -34,7 +27,7 @@ class AzimuthSet(ServoSet):
         self._turned = [thrusters[i] for i in self._numbers]
         super().__init__([thruster.azimuth for thruster in self._turned if thruster.azimuth], dt)
         self.read_thrusts: Callable[[], Sequence[float]] = lambda: [0.0] * len(thrusters)
-        self.twin: Twin | None = None  # the C twin, if there is one
+        self.twin: Any = None  # the Force in C, if there is one
         self._thrusts = [0.0] * len(self._turned)
 
     def begin(self, time_ns: int) -> None:
