@@ -8,13 +8,12 @@ from hil.common.clock import seconds_ns
 from hil.common.errors import ConfigError
 from hil.common.vectors import Vector3
 from hil.scenario.config import Scenario
-from sim.environment.seawater.pressure import depth_of
+from sim.environment.seawater.pressure import ATMOSPHERE_PA, depth_of
 from sim.environment.world import World, water_pressure
 from sim.geodesy import TangentPlane
 from sim.rotations import rotate
 from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
-from sim.sensors.pressure import STANDARD_ATMOSPHERE
 from sim.sensors.samples import ODOMETRY, OdometrySample
 from sim.sensors.variances import error_variances
 
@@ -68,7 +67,7 @@ class SensorInputs:
         self.gyro: Vector3 = (0.0, 0.0, 0.0)
         self.acceleration: Vector3 = (0.0, 0.0, -world.gravity)
         start = scenario.start
-        self.pascal = STANDARD_ATMOSPHERE + self._water(start.depth)
+        self.pascal = ATMOSPHERE_PA + self._water(start.depth)
         self.magnetic_field: Vector3 | None = None  # T
         self.fix: Any = None  # the newest FixSample; None without a receiver
         self.range_m = nan if "altimeter" in fitted else None  # to the seabed; nan without an echo
@@ -158,7 +157,7 @@ class SensorInputs:
     @property
     def depth(self) -> float:
         """Return the depth (m) of the measured pressure in water without layers."""
-        return depth_of(self.pascal - STANDARD_ATMOSPHERE, self._weight)
+        return depth_of(self.pascal - ATMOSPHERE_PA, self._weight)
 
 
 def _rotation(mounting: Mounting) -> Any:

@@ -22,7 +22,7 @@ class PressureModel(NamedTuple):
     """
 
     rate: Annotated[float, Range(0.0, 1000.0, "Hz")] = 20.0
-    atmosphere: Annotated[float, Range(5e4, 1.2e5, "Pa")] = STANDARD_ATMOSPHERE
+    atmosphere: Annotated[float, Range(5e4, 1.2e5, "Pa")] = ATMOSPHERE_PA
     error: ErrorModel = ErrorModel(bias=100.0, bias_time=300.0, noise=20.0)
 
 

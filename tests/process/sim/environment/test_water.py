@@ -6,13 +6,14 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.ocean import Layers, Ocean, Profile, Waves
+from sim.environment.seawater.pressure import ATMOSPHERE_PA
 from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.water import FluidMotion, SampledWaves, wave_inertia
 from sim.environment.waves import WaveField
 from sim.environment.world import World
 from sim.rotations import from_euler, rotate
 from sim.sensors.error import ErrorModel
-from sim.sensors.pressure import STANDARD_ATMOSPHERE, PressureModel
+from sim.sensors.pressure import PressureModel
 from sim.sensors.samples import PressureSample
 from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
@@ -194,5 +195,5 @@ def test_the_pressure_sensor_uses_the_density_profile() -> None:
     depth = simulation.truth().position[2]
     last = samples[-1]
     assert isinstance(last, PressureSample)
-    assert last.pascal == pytest.approx(STANDARD_ATMOSPHERE + WaterColumn(PROFILE, G).pressure(depth), rel=1e-12)
-    assert abs(last.pascal - STANDARD_ATMOSPHERE - 1025.0 * G * depth) > 100.0
+    assert last.pascal == pytest.approx(ATMOSPHERE_PA + WaterColumn(PROFILE, G).pressure(depth), rel=1e-12)
+    assert abs(last.pascal - ATMOSPHERE_PA - 1025.0 * G * depth) > 100.0

@@ -8,11 +8,11 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.ocean import Ocean, Profile, Waves
-from sim.environment.seawater.pressure import depth_of, pressure_at
+from sim.environment.seawater.pressure import ATMOSPHERE_PA, depth_of, pressure_at
 from sim.environment.waves import WaveField
 from sim.environment.world import World, water_pressure
 from sim.sensors.mounting import Mounting
-from sim.sensors.pressure import STANDARD_ATMOSPHERE, Pressure, PressureModel
+from sim.sensors.pressure import Pressure, PressureModel
 from sim.simulation import Simulation
 from tests.support.fitted import EXACT, VEHICLE, scene
 
@@ -81,9 +81,9 @@ def test_the_wave_pressure_is_that_at_the_sensor(profile: Profile | None) -> Non
     for time_ns in range(0, 20_000_000_000, 500_000_000):
         found = sensor.sample(time_ns, State((1.0, 2.0, 1.5))).pascal
         felt = wave_field.pressure_depth(time_ns * 1e-9, 3.0, 2.0, 2.0)
-        assert found == pytest.approx(STANDARD_ATMOSPHERE + calm(felt), rel=1e-14)
+        assert found == pytest.approx(ATMOSPHERE_PA + calm(felt), rel=1e-14)
     in_the_air = sensor.sample(0, State((1.0, 2.0, -5.0))).pascal
-    assert in_the_air == STANDARD_ATMOSPHERE
+    assert in_the_air == ATMOSPHERE_PA
 
 
 def test_the_measured_pressure_has_the_period_of_the_wave() -> None:
