@@ -105,19 +105,6 @@ def test_saturated_horizontal_force_keeps_its_direction(force: Vector, yaw: floa
     assert residual[5] == pytest.approx(0.0, abs=1e-9)  # a small moment is served first
 
 
-def test_moments_come_before_heave_and_heave_before_horizontal_force() -> None:
-    unlimited = make_allocator(HEAVY, 10.0, 10.0)
-    # a yaw moment that takes all of the horizontal thrusters leaves nothing for surge
-    most = 4 * 10.0 * S * (0.156 + 0.111)
-    thrusts, residual = unlimited.allocate((100.0, 0.0, 0.0, 0.0, 0.0, most))
-    assert wrench_of(HEAVY, thrusts) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, most], abs=1e-9)
-    assert residual == pytest.approx([100.0, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
-    # too much heave is cut at the vertical thrusters' limit and does not touch surge
-    thrusts, residual = unlimited.allocate((10.0, 0.0, 100.0, 0.0, 0.0, 0.0))
-    assert residual[2] > 55.0
-    assert wrench_of(HEAVY, thrusts)[5] == pytest.approx(0.0, abs=1e-9)
-
-
 @pytest.mark.parametrize(("first", "second"), [(5, 2), (2, 0), (2, 1), (5, 0), (4, 2), (3, 1)])
 def test_coupled_thrusters_serve_moments_then_heave_then_horizontal_force(first: int, second: int) -> None:
     """Two thrusters make both axes: their sum one, their difference the other. What is left of 10 N each is 4 N."""

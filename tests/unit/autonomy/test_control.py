@@ -1,13 +1,10 @@
 """The cascaded controller: single loops against closed forms, then the whole on a simple vehicle."""
 
 import math
-from collections.abc import Callable, Sequence
 
 import pytest
 
-from hil.autonomy.control.allocation import Allocator
 from hil.autonomy.control.controller import (
-    NO_RESIDUAL,
     AxisGains,
     CascadedController,
     Drag,
@@ -16,12 +13,11 @@ from hil.autonomy.control.controller import (
     Navigation,
     VelocityCommand,
     Wrench,
-    heading_of,
     heave_for_depth,
     wrap,
 )
 from hil.common.schema import parse
-from sim.rotations import from_euler, integrate, rotate, rotate_inverse, to_euler
+from sim.rotations import from_euler, integrate, rotate, to_euler
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 STILL = (0.0, 0.0, 0.0)
@@ -178,113 +174,6 @@ def test_gains_are_parsed_from_a_table() -> None:
     assert gains.yaw_rate.filter == 0.01
     assert gains.depth == HoldGains(1.0, 0.3)
     assert gains.sway == Gains().sway
-
-
-Forces = Callable[[Wrench], tuple[Wrench, Wrench]]
-
-
-class Plant:
-    """Six decoupled masses with linear and quadratic drag, a thruster lag, some buoyancy and a righting moment."""
-
-    def __init__(self, orientation: Sequence[float] = LEVEL, depth: float = 5.0, lag: float = 0.1) -> None:
-        self.orientation = orientation
-        self.nu = [0.0] * 6
-        self.position = [0.0, 0.0, depth]
-        self.lag = lag
-        self.applied = [0.0] * 6
-
-    def navigation(self) -> Navigation:
-        u, v, w, p, q, r = self.nu
-        a, b, c, d = self.orientation
-        return Navigation((a, b, c, d), (p, q, r), (u, v, w), self.position[2])
-
-    def advance(self, wrench: Wrench, dt: float) -> None:
-        """Move by `dt` under `wrench`, in some smaller steps."""
-        for _ in range(5):
-            self._step(wrench, dt / 5)
-
-    def _step(self, wrench: Wrench, dt: float) -> None:
-        linear, quadratic = (13.7, 14.0, 33.0, 0.2, 0.8, 0.3), (141.0, 217.0, 190.0, 1.2, 0.5, 1.5)
-        x, y, z = rotate_inverse(self.orientation, (0.0, 0.0, -2.0))  # 2 N of buoyancy
-        roll, pitch, _ = to_euler(self.orientation)
-        passive = (x, y, z, -1.3 * math.sin(roll), -1.3 * math.sin(pitch), 0.0)
-        for axis in range(6):
-            self.applied[axis] += (wrench[axis] - self.applied[axis]) * dt / self.lag
-            speed = self.nu[axis]
-            drag = (linear[axis] + quadratic[axis] * abs(speed)) * speed
-            self.nu[axis] += (self.applied[axis] + passive[axis] - drag) / INERTIA[axis] * dt
-        velocity = rotate(self.orientation, self.nu[:3])
-        self.position = [a + b * dt for a, b in zip(self.position, velocity, strict=True)]
-        self.orientation = integrate(self.orientation, self.nu[3:], dt)
-
-
-def allocate_all(wrench: Wrench) -> tuple[Wrench, Wrench]:
-    return wrench, NO_RESIDUAL
-
-
-def run_loop(plant: Plant, command: VelocityCommand, seconds: float, forces: Forces = allocate_all) -> list[Navigation]:
-    """Close the loop with the default gains; return the vehicle's state at each step."""
-    controller, residual, history = CascadedController(Gains(), INERTIA), NO_RESIDUAL, []
-    for _ in range(round(seconds / DT)):
-        history.append(plant.navigation())
-        wrench, residual = forces(controller.update(command, history[-1], DT, residual))
-        plant.advance(wrench, DT)
-    return history
-
-
-@pytest.mark.parametrize("lag", [0.02, 0.1, 0.2])
-def test_velocity_steps_settle_without_much_overshoot(lag: float) -> None:
-    command = VelocityCommand(surge=0.5, sway=-0.2, heave=0.1, yaw_rate=0.3)
-    history = run_loop(Plant(lag=lag), command, 10.0)
-    for axis, wanted in enumerate(command[:3]):
-        speeds = [navigation.velocity[axis] / wanted for navigation in history]
-        assert max(speeds) < 1.25
-        assert all(abs(speed - 1.0) < 0.05 for speed in speeds[int(5.0 / DT) :])
-    turns = [navigation.angular_velocity[2] for navigation in history]
-    assert max(turns) < 1.25 * 0.3
-    assert turns[-1] == pytest.approx(0.3, rel=0.02)
-
-
-def test_depth_and_heading_are_held_against_buoyancy() -> None:
-    history = run_loop(Plant(depth=5.0), VelocityCommand(surge=0.3, depth=8.0, heading=-2.0), 25.0)
-    assert max(navigation.depth for navigation in history) < 8.15
-    assert history[-1].depth == pytest.approx(8.0, abs=0.02)
-    assert heading_of(history[-1].orientation) == pytest.approx(-2.0, abs=0.01)
-    assert heading_of(from_euler(0.3, -0.4, 2.5)) == pytest.approx(2.5)
-    assert history[-1].velocity[0] == pytest.approx(0.3, abs=0.01)
-
-
-def test_a_tilted_vehicle_is_levelled() -> None:
-    history = run_loop(Plant(from_euler(0.5, -0.4, 1.0)), VelocityCommand(), 6.0)
-    assert to_euler(history[-1].orientation)[:2] == pytest.approx((0.0, 0.0), abs=0.01)
-
-
-def test_a_vehicle_without_pitch_control_flies_without_integral_windup() -> None:
-    """The allocator of six thrusters drops the pitch moment, which comes back as the residual."""
-    s = math.sqrt(0.5)
-    matrix = [
-        [s, s, s, s, 0.0, 0.0],
-        [-s, s, s, -s, 0.0, 0.0],
-        [0.0, 0.0, 0.0, 0.0, 1.0, 1.0],
-        [0.0, 0.0, 0.0, 0.0, 0.11, -0.11],
-        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        [-0.19, 0.19, -0.19, 0.19, 0.0, 0.0],
-    ]
-    allocator = Allocator(matrix, [40.0] * 6, [32.0] * 6)
-
-    def six(wrench: Wrench) -> tuple[Wrench, Wrench]:
-        _, residual = allocator.allocate(wrench)
-        x, y, z, k, m, n = (requested - lack for requested, lack in zip(wrench, residual, strict=True))
-        return (x, y, z, k, m, n), residual
-
-    plant = Plant(from_euler(0.3, 0.2, 0.0))
-    history = run_loop(plant, VelocityCommand(surge=0.4, depth=6.0, heading=1.0), 25.0, six)
-    roll, _, heading = to_euler(history[-1].orientation)
-    assert roll == pytest.approx(0.0, abs=0.01)
-    assert heading == pytest.approx(1.0, abs=0.02)
-    assert history[-1].depth == pytest.approx(6.0, abs=0.03)
-    assert history[-1].velocity[0] == pytest.approx(0.4, abs=0.02)
-    assert plant.applied[4] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_vehicle_holds_position_in_the_current_that_its_gains_allow_for() -> None:

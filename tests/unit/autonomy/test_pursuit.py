@@ -100,13 +100,6 @@ def test_a_vehicle_beside_the_path_converges_without_oscillation(offset: float, 
     assert swings == 0
 
 
-def test_a_vehicle_to_starboard_of_the_path_turns_to_port() -> None:
-    pursuit = PurePursuit([(0.0, 0.0), (0.0, 20.0)], lookahead=2.0, speed=0.5)
-    command = pursuit.update((-1.5, 0.5), math.pi / 2.0)  # bound east, south of the path
-    assert command.yaw_rate < 0.0
-    assert pursuit.progress == pytest.approx(0.5 / 20.0)
-
-
 def test_a_right_angle_is_cut_by_at_most_a_third_of_the_lookahead() -> None:
     path = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0)]
     pursuit = PurePursuit(path, lookahead=2.0, speed=0.6)

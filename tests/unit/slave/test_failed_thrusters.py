@@ -99,6 +99,7 @@ def test_a_vehicle_holds_depth_and_heading_without_one_thruster(name: str, thrus
     flight.fail(thruster, "repaired")
     assert flight.fly(8.0) < MOST_M
     assert flight.pilot.failed_thrusters == []
+    assert flight.floats or hypot(*to_euler(flight.simulation.state.quaternion)[:2]) < 0.05
 
 
 @pytest.mark.parametrize(
