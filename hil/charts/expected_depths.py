@@ -55,6 +55,7 @@ def move_off_limits(grid: Grid, limits: Limits, surface: Surface, known: Mask, d
     The uncertainty of `surface` is computed on a coarser grid (UNCERTAINTY_SPACING times `detail`, m) and interpolated.
     The distance to known nodes, which changes it faster, is taken into account at every node.
     """
+    from scipy.interpolate import RegularGridInterpolator
     from scipy.ndimage import distance_transform_edt, maximum_filter
 
     if known.all():
@@ -64,16 +65,11 @@ def move_off_limits(grid: Grid, limits: Limits, surface: Surface, known: Mask, d
     north, east = grid.north[rows], grid.east[columns]
     wet = maximum_filter(~known, 2 * step + 1)[np.ix_(rows, columns)]
     coarse = surface.uncertainty(north, east, wet)
-    across = [
-        np.array([np.interp(grid.east, east, row) for row in np.nan_to_num(part)])
-        for part in (coarse.variance, coarse.roughness)
-    ]
+    across = RegularGridInterpolator((north, east), np.nan_to_num(np.stack(coarse[:2], axis=-1)))
     distance = grid.resolution * distance_transform_edt(~known) if known.any() else np.full(known.shape, np.inf)
     depths = np.empty(grid.depths.shape, np.float32)
     for row, place in enumerate(grid.north):
-        after = min(int(np.searchsorted(north, place, "right")), len(north) - 1)
-        share = (place - north[after - 1]) / (north[after] - north[after - 1])
-        variance, roughness = ((1.0 - share) * part[after - 1] + share * part[after] for part in across)
+        variance, roughness = across(np.column_stack([np.full(len(grid.east), place), grid.east])).T
         deviation = Uncertainty(variance, roughness, surface.model.power).deviation(distance[row])
         here = Limits(limits.low[row], limits.high[row])
         depths[row] = expected_depths(grid.depths[row].astype(float), deviation, here, surface.model.shift)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from math import cosh, dist, exp, pi, sinh, tanh
 from statistics import pstdev
 
-import numpy as np
 from matplotlib.axes import Axes
+from scipy.signal import welch
 
 from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.waves import WaveField, components, spectral_density, wave_number
@@ -105,8 +105,8 @@ def waves(panels: Sequence[Axes]) -> list[Finding]:
 def _spectrum(axes: Axes) -> list[Finding]:
     waves = swell.SEA
     wave_field = WaveField(waves._replace(components=400), 30.0, swell.G, 5)
-    omegas, density = _estimate([wave_field.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)], 0.5)
-    plot_own(axes, omegas, density, "ours, 2.3 h of elevation")
+    hertz, density = welch([wave_field.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)], 2.0, nperseg=512)
+    plot_own(axes, 2.0 * pi * hertz, density / (2.0 * pi), "ours, 2.3 h of elevation")
     dots = [0.3 + 0.05 * i for i in range(50)]
     plot_ref(axes, dots, [spectral_density(waves, omega) for omega in dots], "JONSWAP")
     axes.set_xlim(0.0, 2.6)
@@ -118,16 +118,6 @@ def _spectrum(axes: Axes) -> list[Finding]:
         near("significant height of two hours", 4.0 * pstdev(heights), 1.5, "m", rel=0.04),
         below("energy of the components away from Hs²/16 (share)", abs(energy - 1.0), 1e-12),
     ]
-
-
-def _estimate(values: list[float], dt: float, length: int = 512) -> tuple[list[float], list[float]]:
-    """Return frequencies (rad/s) and the one-sided spectrum by Welch's method: Hann windows that overlap by half."""
-    window = np.hanning(length)
-    series = np.array(values)
-    parts = [series[i : i + length] * window for i in range(0, len(values) - length + 1, length // 2)]
-    power = np.mean([np.abs(np.fft.rfft(part)) ** 2 for part in parts], axis=0)
-    density = power * dt / np.sum(window**2) / np.pi
-    return (2.0 * np.pi * np.fft.rfftfreq(length, dt)).tolist(), density.tolist()
 
 
 def _orbit(wave_field: WaveField, z: float) -> tuple[float, float]:
