@@ -319,15 +319,14 @@ def test_an_upload_ends_after_its_attempts_and_each_item_gives_it_all_of_them_ag
 
 
 @pytest.mark.parametrize(
-    ("frame", "north", "result"),
-    [
-        (10, 0.0, dialect.MAV_MISSION_UNSUPPORTED_FRAME),
-        (6, 99e3, dialect.MAV_MISSION_INVALID_PARAM5_X),
-        (6, 45e3, ACCEPTED),
-    ],
-)
-def test_a_waypoint_has_a_frame_and_a_place_that_can_be_reached(frame: int, north: float, result: int) -> None:
-    assert upload_mission(Bench().partner, [HOME_ROW, (frame, GO, north, 10e3, 0.0)]) == result
+    ("frame", "north", "z", "result"),
+    [(10, 0.0, 0.0, dialect.MAV_MISSION_UNSUPPORTED_FRAME), (6, 99e3, 0.0, 10), (6, 45e3, 0.0, ACCEPTED),
+     (LOCAL, 5.0, 11_000.0, ACCEPTED), (LOCAL, 5.0, 11_001.0, 10), (LOCAL, 5.0, -11_001.0, 10)],
+)  # fmt: skip
+def test_a_waypoint_has_a_frame_and_a_place_that_can_be_reached(
+    frame: int, north: float, z: float, result: int
+) -> None:
+    assert upload_mission(Bench().partner, [HOME_ROW, (frame, GO, north, 10e3, z)]) == result
 
 
 def test_missions_of_500_items_are_taken_and_home_may_be_anywhere() -> None:

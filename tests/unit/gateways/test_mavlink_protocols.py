@@ -131,6 +131,7 @@ def test_only_logs_can_be_read(tmp_path: Path) -> None:
     for path in (
         b"/logs/../secret\0",
         b"/secret\0",
+        b"/etcx/run.mcap\0",
         b"/logs/link\0",
         b"/logs\0",
         b"/logs/none\0",
@@ -161,6 +162,11 @@ def test_a_long_folder_is_listed_in_parts_and_a_file_read_in_pieces_that_fit(tmp
     assert [(kind, offset, len(data)) for kind, _, offset, data in pieces] == [
         (ftp.ACK, 100, 200), (ftp.ACK, 300, 200), (ftp.ACK, 500, 100), (ftp.NAK, 100, 1)
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("opcode", [0, ftp.ACK, ftp.NAK])
+def test_answers_of_others_get_no_answer(opcode: int) -> None:
+    assert _ftp(Bench(), opcode, b"/logs\0") == []
 
 
 @pytest.mark.parametrize("opcode", [*ftp.WRITING, 77])
@@ -261,6 +267,8 @@ def test_message_groups_and_single_messages_can_be_requested() -> None:
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 148) == ACCEPTED
     (version,) = bench.partner.take_messages("AUTOPILOT_VERSION")
     assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
+    others = {name: value for name, value in version.to_dict().items() if isinstance(value, int) and value}
+    assert others.keys() == {"capabilities", "flight_sw_version", "uid"}
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 147) == UNSUPPORTED  # it has no battery
 
 

@@ -261,8 +261,9 @@ def test_the_camera_turns_while_a_button_is_held(function: int, name: str, pulse
 
 @pytest.mark.parametrize(
     ("kind", "throttle", "share"),
-    [(0, 0.0, -1.0), (0, 75.0, 0.5), (1, 1900.0, 1.0), (1, 1100.0, -1.0), (1, 1099.0, None), (0, 101.0, None)],
-)
+    [(0, 0.0, -1.0), (0, 75.0, 0.5), (1, 1900.0, 1.0), (1, 1100.0, -1.0), (1, 1099.0, None), (1, 1901.0, None),
+     (0, 101.0, None)],
+)  # fmt: skip
 def test_a_motor_test_has_the_range_of_the_pulses(kind: int, throttle: float, share: float | None) -> None:
     bench = Bench()
     bench.arm()

@@ -242,4 +242,5 @@ def test_values_of_the_panel_are_named() -> None:
 
 def test_currents_of_motors_have_no_sign() -> None:
     (found,) = message("ESC_TELEMETRY_1_TO_4", VEHICLE._replace(motors=(MotorState(1300, -100.0, -2.0),)))
-    check(found, {"rpm": [955, 0, 0, 0], "voltage": [1480, 0, 0, 0], "current": [200, 0, 0, 0]})
+    check(found, {"rpm": [955, 0, 0, 0], "voltage": [1480, 0, 0, 0], "current": [200, 0, 0, 0], "count": [0] * 4,
+                  "temperature": [0] * 4, "totalcurrent": [0] * 4})  # fmt: skip

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.gateways.mavlink.flight.guidance import Point
 from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, TargetError, depth_of, earth_position
 from hil.gateways.mavlink.snapshot import Origin
-from hil.ros.commands import MAX_DEPTH, MAX_PLACE
+from hil.ros.commands import MAX_DEPTH
 
 WAYPOINTS = (
     dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_NAV_SPLINE_WAYPOINT, dialect.MAV_CMD_NAV_LOITER_UNLIM,
@@ -90,7 +90,7 @@ def position_of(item: Item, origin: Origin | None, home_depth: float) -> Point:
     else:
         depth = depth_of(item.z, GLOBAL_FRAMES[item.frame], origin, home_depth)
         position = earth_position(item.x, item.y, depth, origin)
-    if not (max(abs(position[0]), abs(position[1])) <= MAX_PLACE and abs(position[2]) <= MAX_DEPTH):
+    if not abs(position[2]) <= MAX_DEPTH:  # its numbers of x and y reach no further than MAX_PLACE
         raise TargetError("further than any vehicle goes")
     return position[0], position[1], max(0.0, position[2])
 
