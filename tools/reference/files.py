@@ -75,6 +75,7 @@ def scenario() -> str:
         "sensors": "tables, [`sensors.NAME`](sensor_keys.md)",
         **{key: f"table, [`{key}`](#{key})" for key in TABLES},
     }, defaults={"sensors": "[default sensors](sensor_keys.md)", "planner": "`Follow`"})  # fmt: skip
+    errors = "table, [ErrorModel](sensor_keys.md#errormodel)"
     sections = [
         top,
         Section("slave", records.Slave),
@@ -111,12 +112,11 @@ def scenario() -> str:
         Section("hunting", fleet_records.Hunting, shown_types={"fields": "table, [`hunting.fields`](#huntingfields)"}),
         Section("hunting.fields", FieldSettings),
         Section("mavlink", mavlink_records.Mavlink),
-        Section("modem", modem_records.Modem, hidden=("model",)),
+        Section("modem", modem_records.Modem, hidden=("model",), shown_types={"usbl_angle": errors}),
         Section("autopilot", autopilot_records.AutopilotSettings, "The flight controller, where `controller` is one. "
                 "The section may be left out. Installed frames: "
                 f"{', '.join(f'`{name}`' for name in preset_names('hil/autopilots/frames'))}."),
-        Section("modem, acoustic", AcousticModem, shown_types={
-            "range_error": "table, [ErrorModel](sensor_keys.md#errormodel)"}),
+        Section("modem, acoustic", AcousticModem, shown_types={"range_error": errors}),
     ]  # fmt: skip
     force = '## force\n\nEach `[[force]]` is a class of your own: `class = "module:Class"` and the keys of the class.\n'
     return _page("Scenario file", "A scenario names the vehicle, its world, the thruster link and the planner. "
