@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import cosh, dist, exp, pi, sinh, tanh
 from statistics import pstdev
 
+import numpy as np
 from matplotlib.axes import Axes
 from scipy.signal import welch
 
@@ -105,17 +106,18 @@ def waves(panels: Sequence[Axes]) -> list[Finding]:
 def _spectrum(axes: Axes) -> list[Finding]:
     waves = swell.SEA
     wave_field = WaveField(waves._replace(components=400), 30.0, swell.G, 5)
-    hertz, density = welch([wave_field.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)], 2.0, nperseg=512)
+    heights = np.array([wave_field.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)])
+    hertz, density = welch(heights, 2.0, nperseg=512)
     plot_own(axes, 2.0 * pi * hertz, density / (2.0 * pi), "ours, 2.3 h of elevation")
     dots = [0.3 + 0.05 * i for i in range(50)]
     plot_ref(axes, dots, [spectral_density(waves, omega) for omega in dots], "JONSWAP")
     axes.set_xlim(0.0, 2.6)
     label(axes, "angular frequency (rad/s)", "spectrum (m² s/rad)", legend="upper right")
     tested = WaveField(waves, 30.0, swell.G, 5)
-    heights = [tested.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
+    significant = [tested.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
     energy = sum(0.5 * wave.amplitude**2 for wave in components(waves, 50.0, swell.G, 3)) / (1.5**2 / 16.0)
     return [
-        near("significant height of two hours", 4.0 * pstdev(heights), 1.5, "m", rel=0.04),
+        near("significant height of two hours", 4.0 * pstdev(significant), 1.5, "m", rel=0.04),
         below("energy of the components away from Hs²/16 (share)", abs(energy - 1.0), 1e-12),
     ]
 
