@@ -192,6 +192,8 @@ class Pilot:
         if not self._monitor.update(self._commanded_n, read(), dt):
             return
         self._allocator = self._whole.without(self._monitor.failed)
+        if self._azimuth_allocator is not None:
+            self._azimuth_allocator.leave_out(self._monitor.failed)
         failed = self.failed_thrusters
         for name in [name for name in failed if name not in before]:
             self.report(f"thruster {name} does not do what it is commanded: the others take over what they can")
@@ -253,8 +255,14 @@ class Pilot:
         turns: list[float] = []
         if self._azimuth_allocator is None:
             thrusts = self._allocate_thrusts(wrench)
-        else:  # one that has failed is not left out
+        else:  # where one pushes that has failed and turned is not known
             thrusts, turns, self._residual = self._azimuth_allocator.allocate(wrench)
+        monitor = self._monitor
+        if True in monitor.failed:
+            thrusts = [
+                monitor.test_thrust(number) if gone else thrust
+                for number, (gone, thrust) in enumerate(zip(monitor.failed, thrusts, strict=True))
+            ]
         pwm = self._thrust_to_pwm(thrusts)
         if self._fin_allocator is not None:
             angles, self._residual = self._fin_allocator.allocate(self._residual, self._velocity[0])
@@ -272,11 +280,6 @@ class Pilot:
             x, y, z, k, m, n = (wanted - there for wanted, there in zip(wrench, own, strict=True))
             wrench = x, y, z, k, m, n
         thrusts, self._residual = self._allocator.allocate(wrench)
-        if True in monitor.failed:
-            thrusts = [
-                monitor.test_thrust(number) if gone else thrust
-                for number, (gone, thrust) in enumerate(zip(monitor.failed, thrusts, strict=True))
-            ]
         return thrusts
 
     def _thrust_to_pwm(self, thrusts: Sequence[float]) -> tuple[int, ...]:

@@ -34,9 +34,13 @@ class AzimuthAllocator:
         self._limits, self._forward, self._reverse = angles, max_forward, max_reverse
         rows = [[*row, *[side[i] for i in self._turning]] for row, side in zip(matrix, sideways, strict=True)]
         across = [max_forward[i] for i in self._turning]
-        self._allocator = Allocator(rows, [*max_forward, *across], [*max_reverse, *across])
+        self._allocator = self._whole = Allocator(rows, [*max_forward, *across], [*max_reverse, *across])
         self._columns = list(zip(*rows, strict=True))
         self._angles = [0.0] * len(self._turning)
+
+    def leave_out(self, failed: Sequence[bool]) -> None:
+        """Use the `failed` ones of the n thrusters no more."""
+        self._allocator = self._whole.without([*failed, *[failed[i] for i in self._turning]])
 
     def allocate(self, wrench: Wrench) -> tuple[list[float], list[float], Wrench]:
         """Return the n thrusts (N), the angles (rad) of those that turn, and the residual wrench."""

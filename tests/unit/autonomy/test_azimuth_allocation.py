@@ -47,6 +47,15 @@ def test_angles_and_thrusts_give_the_wrench(wanted: tuple[float, float, float]) 
     assert (residual[0], residual[1], residual[5]) == pytest.approx((0.0, 0.0, 0.0), abs=0.05)
 
 
+def test_a_failed_thruster_is_left_out() -> None:
+    allocator = allocator_of(turning(pi).thrusters)
+    allocator.leave_out([True, False])
+    thrusts, angles, residual = allocator.allocate((20.0, 0.0, 0.0, 0.0, 0.0, 8.0))
+    assert thrusts[0] == pytest.approx(0.0, abs=1e-9)
+    assert thrusts[1] * cos(angles[1]) == pytest.approx(20.0, rel=0.01)
+    assert abs(residual[5]) < 8.0
+
+
 def test_a_limited_thruster_pushes_astern_or_reports_what_it_cannot() -> None:
     """Within 60 degrees ahead and astern; beyond, the share of the force along the nearest angle."""
     allocator = allocator_of(turning(pi / 3.0).thrusters)
