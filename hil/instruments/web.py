@@ -23,6 +23,9 @@ def serve_web(host: str, port: int, serve: Serve) -> PlainHttpServer:
 
         def do_any(self) -> None:
             """Answer a request as the instrument does; an instrument that is silent closes the connection."""
+            if not self.server.is_serving:  # the power that this connection had is gone
+                self.close_connection = True
+                return
             length = self.headers.get("Content-Length", "0")
             if not length.isdecimal() or int(length) > LARGEST:
                 self.send_error(413)

@@ -43,6 +43,11 @@ class PlainHttpServer(ThreadingHTTPServer):
         """Begin to serve."""
         self._thread.start()
 
+    @property
+    def is_serving(self) -> bool:
+        """Whether it has begun and was not stopped; connections that are kept open may outlive it."""
+        return self._thread.is_alive()
+
     def stop(self) -> None:
         """Close the port."""
         self.shutdown()

@@ -3,12 +3,25 @@
 import json
 import os
 import socket
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
 
 from hil.common.ports import free_ports
-from tests.support.processes import Program, children_of, command_line, is_running, run_here, running_slave, wait_for
+from hil.instruments.contract import Response
+from hil.instruments.web import serve_web
+from tests.support.processes import (
+    PATIENCE_S,
+    Program,
+    children_of,
+    command_line,
+    is_running,
+    run_here,
+    running_slave,
+    wait_for,
+)
 
 
 def lines_of(port: int) -> socket.SocketIO:
@@ -65,6 +78,21 @@ def test_a_check_reads_every_wire_of_the_desk_and_of_two_3d_sonars(tmp_path: Pat
         assert 0.0 < seen[name]["delay_p50_ms"] <= seen[name]["delay_p99_ms"]
         assert seen[name]["measurements"] > 10
     assert seen["dvl"]["own_ms"] == 4.0
+
+
+def test_a_connection_of_http_is_kept_open_until_the_power_is_off() -> None:
+    [port] = free_ports(1)
+    server = serve_web("127.0.0.1", port, lambda *_: Response(b"{}"))
+    with closing(HTTPConnection("127.0.0.1", port, PATIENCE_S)) as client:
+        for _ in range(2):
+            client.request("GET", "/")
+            assert client.getresponse().read() == b"{}"
+        opened = client.sock
+        server.stop()
+        client.request("GET", "/")
+        assert client.sock is opened
+        with pytest.raises(ConnectionError):
+            client.getresponse()
 
 
 @pytest.mark.parametrize(
