@@ -148,7 +148,7 @@ def test_a_ugps_tells_by_http_where_the_vehicle_is(where: Where) -> None:
 @pytest.mark.skipif(not shutil.which("ffmpeg"), reason="ffmpeg is not installed")
 def test_ffmpeg_reads_the_pictures_of_a_camera(where: Where, tmp_path: Path) -> None:
     url = f"http://127.0.0.1:{where[1]['camera']}/?action="
-    command = ["ffmpeg", "-loglevel", "error", "-i", f"{url}stream", "-frames:v", "3", tmp_path / "%d.png"]
+    command = ["ffmpeg", "-loglevel", "error", "-i", f"{url}stream", "-frames:v", "3", f"{tmp_path}/%d.png"]
     subprocess.run(command, check=True, timeout=PATIENCE_S)
     shown = [Image.open(io.BytesIO(path.read_bytes())) for path in tmp_path.glob("*.png")]
     assert [picture.size for picture in shown] == [(64, 48)] * 3
