@@ -19,7 +19,7 @@ from tests.support.charts.s57_encoder import Encoder, name, square
 from tests.support.charts.small_cell import bay, bed
 from tools.faults.decoders import mutate
 
-COUNT = int(os.environ.get("UUV_HIL_FUZZ", "8"))  # mutated cells; 10000 by hand
+COUNT = int(os.environ.get("UUV_HIL_FUZZ", "5"))  # mutated cells; 10000 by hand
 
 
 def enclosed(cell: Cell, kind: str) -> float:

@@ -1,4 +1,4 @@
-"""The same as tests/process/cases/test_cases_page.py, for the cases that take longer."""
+"""docs/explanation/cases.md has the figures of flights with this version of the code."""
 
 import pytest
 
@@ -6,6 +6,6 @@ from hil.cases.case import CASES
 from tests.support.flights.cases_page import check_page
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name != "path_planning"])
+@pytest.mark.parametrize("name", CASES)
 def test_the_page_has_the_figures_of_a_repeated_flight(name: str) -> None:
     check_page(name)
