@@ -257,12 +257,8 @@ class Pilot:
             thrusts = self._allocate_thrusts(wrench)
         else:  # where one pushes that has failed and turned is not known
             thrusts, turns, self._residual = self._azimuth_allocator.allocate(wrench)
-        monitor = self._monitor
-        if True in monitor.failed:
-            thrusts = [
-                monitor.test_thrust(number) if gone else thrust
-                for number, (gone, thrust) in enumerate(zip(monitor.failed, thrusts, strict=True))
-            ]
+        if any(self._monitor.failed):
+            thrusts = self._monitor.with_tests(thrusts)
         pwm = self._thrust_to_pwm(thrusts)
         if self._fin_allocator is not None:
             angles, self._residual = self._fin_allocator.allocate(self._residual, self._velocity[0])
@@ -273,12 +269,8 @@ class Pilot:
 
     def _allocate_thrusts(self, wrench: Wrench) -> list[float]:
         """Return the thrusts (N) for this wrench, without the thrusters that have failed; set the residual."""
-        monitor = self._monitor
-        if True in monitor.failed:
-            pairs = list(zip(monitor.failed, monitor.reported, strict=True))
-            own = self._whole.wrench_of([thrust if gone else 0.0 for gone, thrust in pairs])
-            x, y, z, k, m, n = (wanted - there for wanted, there in zip(wrench, own, strict=True))
-            wrench = x, y, z, k, m, n
+        if any(self._monitor.failed):
+            wrench = self._whole.missing(wrench, self._monitor.own_thrusts())
         thrusts, self._residual = self._allocator.allocate(wrench)
         return thrusts
 

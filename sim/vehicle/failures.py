@@ -7,7 +7,7 @@ from random import Random
 from typing import Annotated, Literal, NamedTuple
 
 from hil.common.errors import ConfigError
-from hil.common.schema import Range
+from hil.common.schema import Range, nearest
 
 NOISE_TIME_CONSTANT = 0.05  # s
 
@@ -151,8 +151,5 @@ class Failures:
     def _index(self, name: str) -> int:
         if name in self._names:
             return self._names.index(name)
-        import difflib  # needed only for the error message
-
-        close = difflib.get_close_matches(name, self._names, n=1, cutoff=0.5)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
+        hint = nearest(name, self._names)
         raise ConfigError(f"failure: no thruster {name!r}{hint}; there are: {', '.join(self._names)}")

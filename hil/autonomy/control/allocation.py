@@ -64,17 +64,12 @@ class Allocator:
         pushes = any(value for row in left for value in row)
         return Allocator(left, forward, reverse, FAILED_WEIGHTS) if any(failed) and pushes else self
 
-    def wrench_of(self, thrusts: Sequence[float]) -> Wrench:
-        """Return the wrench (N, N m) of n thrusts (N)."""
-        x, y, z, k, m, n = self._residual((0.0,) * 6, thrusts)
-        return -x, -y, -z, -k, -m, -n
-
     def allocate(self, wrench: Sequence[float]) -> tuple[list[float], Wrench]:
         """Return the n thrusts (N) for `wrench` (X Y Z N, K M N N m, along FRD), and the residual wrench."""
         thrusts = self._thrusts(wrench)
         if any(map(gt, thrusts, self._forward)) or any(map(lt, thrusts, self._reverse)):
             thrusts = self._within_limits(wrench)
-        return thrusts, self._residual(wrench, thrusts)
+        return thrusts, self.missing(wrench, thrusts)
 
     def _thrusts(self, wrench: Sequence[float]) -> list[float]:
         """Return the thrusts for `wrench` without limits."""
@@ -82,7 +77,7 @@ class Allocator:
         # starts with 0.0, so that no thrust is -0.0
         return [0.0 + a * x + b * y + c * z + d * k + e * m + f * n for a, b, c, d, e, f in self._inverse]
 
-    def _residual(self, wrench: Sequence[float], thrusts: Sequence[float]) -> Wrench:
+    def missing(self, wrench: Sequence[float], thrusts: Sequence[float]) -> Wrench:
         """Return `wrench` minus the wrench of `thrusts`."""
         x, y, z, k, m, n = wrench
         surge = sway = heave = roll = pitch = yaw = 0.0  # not by `sum`, which rounds differently from Python 3.12 on

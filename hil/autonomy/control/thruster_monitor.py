@@ -47,8 +47,15 @@ class ThrusterMonitor:
                 changes = True
         return changes
 
-    def test_thrust(self, index: int) -> float:
-        """Return the thrust (N) to command to a failed thruster now: mostly 0, in turns ahead and astern."""
+    def own_thrusts(self) -> list[float]:
+        """Return the thrust (N) of each failed thruster, and 0 for the others."""
+        return [made if gone else 0.0 for made, gone in zip(self.reported, self.failed, strict=True)]
+
+    def with_tests(self, thrusts: Sequence[float]) -> list[float]:
+        """Return `thrusts` (N) with those of failed thrusters in place of theirs: mostly 0, at times a small one."""
+        return [self._test(i) if self.failed[i] else thrust for i, thrust in enumerate(thrusts)]
+
+    def _test(self, index: int) -> float:
         turn, time = divmod(self._failed_s[index], _EVERY_S + _TEST_S)
         thrust = _TEST * self._limits[index] if time >= _EVERY_S else 0.0
         return -thrust if turn % 2.0 else thrust
