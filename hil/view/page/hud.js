@@ -106,9 +106,10 @@ function drawScale(pen, x, y, half, value, {step, unit: of, mark, bed, isLeft}, 
 // The lines of text at the lower left: altitude, water, thrust, battery, time, delay.
 export function hudTexts({panel, now, world, time}) {
   const thrusts = now.thrusts || [], total = thrusts.reduce((sum, each) => sum + Math.abs(each), 0), [vn, ve] = world?.current || [0, 0];
-  const speed = Math.hypot(vn, ve), [volts, share] = panel.battery || [];
+  const speed = Math.hypot(vn, ve), [volts, share] = panel.battery || [], place = panel.target?.places?.[0];
   return [
     `altitude ${number(panel.altitude, 1)} m`,
+    place ? `next place ${number(Math.hypot(...place.map((v, k) => v - now.position[k])), 0)} m, ${bearing(Math.atan2(place[1] - now.position[1], place[0] - now.position[0]) * 57.2958)}°` : "",
     speed > 0.005 ? `current ${number(speed, 2)} m/s to ${bearing(Math.atan2(ve, vn) * 57.2958)}°` : "",
     thrusts.length ? `thrust ${number(total, 0)} N` : "",
     volts ? `battery ${number(100 * share, 0)} %  ${number(volts, 1)} V` : "",

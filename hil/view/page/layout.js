@@ -108,11 +108,11 @@ export class Layout {
   // Say over the picture what to do when there is nothing to see.
   tellEmpty(hasPicture, hasVehicle) {
     const place = at("empty");
-    const text = !hasVehicle ? "No vehicle yet. Start one: <code>uuv-hil slave paper_field</code>"
+    const text = !hasVehicle ? "No vehicle yet. Start one: uuv-hil slave paper_field"
       : hasPicture || this.main === "scene" ? ""
       : this.sensors.length ? `Waiting for the first picture of the ${this.sensor.replaceAll("_", " ")}. It is made from now on, while this page shows it.`
-      : "This vehicle has no camera or sonar. Give its scenario <code>[sensors.camera]</code> or <code>[sensors.forward_sonar]</code>, or show the scene.";
-    if (place.dataset.text !== text) { place.dataset.text = text; place.innerHTML = text; }
+      : "This vehicle has no camera or sonar. Give its scenario [sensors.camera] or [sensors.forward_sonar], or show the scene.";
+    if (place.textContent !== text) place.textContent = text;
     place.hidden = !text;
   }
 

@@ -13,7 +13,7 @@ export function drawOverlay(pen, width, height, scene, {waypoints, target, live}
     return at && at[0] > -0.05 && at[0] < 1.05 && at[1] > -0.05 && at[1] < 1.05 ? [at[0] * width, at[1] * height, at[2]] : null;
   };
   drawNames(pen, scene, spot, live);
-  for (const [key, list] of [["goal", scene.content.goal ? [scene.content.goal] : []], ["", waypoints], ["", target]])
+  for (const [key, list] of [["goal", [scene.content.goal || scene.content.hunt?.target].filter(Boolean)], ["", waypoints], ["", target]])
     list.forEach((place, n) => { const at = spot(place); if (at) diamond(pen, at, key || String(n + 1), list === waypoints ? "#f2b544" : "#6ee7a8"); });
   drawNorth(pen, scene, width - 36, 96);
   if (scene.camera.mode !== "eye") drawScale(pen, scene, width, height);
