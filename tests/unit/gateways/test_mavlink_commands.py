@@ -1,6 +1,6 @@
 """Commands, sticks and packets of the MAVLink vehicle: what each is limited to, and who may send it."""
 
-from math import nan, pi, radians
+from math import cos, nan, pi, radians, sin
 from typing import Any, cast
 
 import pytest
@@ -154,6 +154,23 @@ def test_a_pause_in_guided_holds_where_the_vehicle_is() -> None:
     there = bench.vehicle.north
     bench.run(3.0)
     assert bench.vehicle.north == pytest.approx(there, abs=0.3)
+    bench.vehicle.is_present = False
+    bench.run(0.1)
+    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED, "also without a vehicle"
+
+
+@pytest.mark.parametrize(("mask", "tilt", "remarks"), [(0, 0.2, 1), (1 << 7, 0.2, 0), (0, 0.015, 0), (0, -0.2, 1)])
+def test_roll_and_pitch_of_an_attitude_target_are_remarked_on_if_they_are_meant(
+    mask: int, tilt: float, remarks: int
+) -> None:
+    for axis in (1, 2):
+        bench = Bench()
+        bench.arm(Mode.GUIDED)
+        q = [cos(0.5 * tilt), 0.0, 0.0, 0.0]
+        q[axis] = sin(0.5 * tilt)
+        bench.partner.send(dialect.MAVLink_set_attitude_target_message(0, 1, 1, mask, q, 0.0, 0.0, 0.3, 0.5))
+        bench.run(0.1)
+        assert bench.partner.texts().count("roll and pitch stay level") == remarks
 
 
 def test_a_restart_gives_centred_accessories_and_mode_manual() -> None:
