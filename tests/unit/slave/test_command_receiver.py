@@ -179,6 +179,17 @@ def test_a_flood_makes_the_reader_sleep(command_receiver: CommandReceiver, clock
     assert command_receiver.flooded > 30
 
 
+@pytest.mark.parametrize(("rate", "every_ms", "floods"), [(5000, 0.25, False), (200, 1.1, False), (200, 0.5, True)])
+def test_refused_commands_overload_beyond_their_limit(clock: Clock, rate: float, every_ms: float, floods: bool) -> None:
+    receiver = CommandReceiver(age_limit_ns=100 * MS, rate=rate)
+    deliver(receiver, 1)
+    for sequence in range(1, 400):
+        clock.wait(every_ms)
+        deliver(receiver, sequence, gid=OTHER)
+    receiver.close()
+    assert (receiver.refused, receiver.flooded > 0) == (399, floods)
+
+
 @pytest.mark.parametrize("rate", [300, 20_000])
 @pytest.mark.parametrize("is_known", [False, True], ids=["outsiders", "masters"])
 def test_a_flood_of_a_refused_sender_neither_blocks_nor_replaces_the_master(
