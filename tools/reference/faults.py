@@ -20,5 +20,9 @@ page is made by `python -m tools.reference` from the file `faults.json` of a run
 def page() -> str:
     """Return the page."""
     rows: list[dict[str, Any]] = json.loads(FILE.read_text(encoding="utf-8"))["rows"]
-    fields = [{key: float("nan") if row[key] is None else row[key] for key in Row._fields} for row in rows]
-    return HEAD + markdown([Row(**row | {"problems": tuple(row["problems"])}) for row in fields])
+    return HEAD + markdown([_row(row) for row in rows])
+
+
+def _row(values: dict[str, Any]) -> Row:
+    known: dict[str, Any] = {key: float("nan") if values[key] is None else values[key] for key in Row._fields}
+    return Row(**known | {"problems": tuple(known["problems"])})

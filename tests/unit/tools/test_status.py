@@ -27,7 +27,7 @@ def test_each_named_test_exists() -> None:
     rows = [row for sections in pages.values() for rows in sections.values() for row in rows]
     assert all(row.tests for row in rows)
     assert len(rows) > 80
-    named = [test for row in (*rows, *tried) for test in row.tests]
+    named = [test for tests in (*(row.tests for row in rows), *(row.tests for row in tried)) for test in tests]
     for name in (*named, *re.findall(r"`(tests/[\w/]+\.py(?:::\w+)?)`", EXPLANATION)):
         path, _, test = name.partition("::")
         assert (ROOT / path).is_file(), f"a page names {path}"
