@@ -1,7 +1,6 @@
-"""A real slave whose sonars and USBL stand at their wires, read by the makers' own clients, unmodified."""
+"""A real slave whose sonars and camera stand at their wires, read by the makers' own clients, unmodified."""
 
 import io
-import json
 import shutil
 import socket
 import subprocess
@@ -31,11 +30,6 @@ at = ["udp:127.0.0.1:{ping2}", "pty:{folder}/ping2"]
 instrument = "ping360"
 at = ["udp:127.0.0.1:{ping360}", "pty:{folder}/ping360"]
 
-[sensors.usbl]
-rate = 4.0
-instrument = "waterlinked_ugps"
-at = "http:127.0.0.1:{ugps}"
-
 [sensors.camera]
 width = 64
 height = 48
@@ -48,7 +42,7 @@ rate = 1.0
 instrument = "waterlinked_sonar_3d"
 at = ["http:127.0.0.1:{sonar}", "udp:127.0.0.1:{images}"]
 """
-NAMES = "ping2", "ping360", "ugps", "sonar", "images", "camera"
+NAMES = "ping2", "ping360", "sonar", "images", "camera"
 Where = tuple[Path, dict[str, int]]
 Open = Callable[[PingDevice, str], None]
 
@@ -60,7 +54,7 @@ def a_vehicle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Where]:
     ports = {name: free_ports(1)[0] for name in NAMES}
     scenario.write_text(scenario.read_text() + SENSORS.format(folder=folder, **ports))
     with Program(folder, "slave", scenario) as slave:
-        for name in ("echosounder", "scanning_sonar", "usbl", "laser", "camera"):
+        for name in ("echosounder", "scanning_sonar", "laser", "camera"):
             slave.expect(f"{name}: .* at (udp|http):")
         yield folder, ports
     assert "Traceback" not in slave.output
@@ -115,34 +109,6 @@ def test_blue_robotics_client_scans_with_a_ping360(connect: Open) -> None:
         (0, 800, 800), (100, 800, 800), (200, 800, 800),
     ]  # fmt: skip
     assert max(pings[2].data[100:]) > 50  # a wall of the pool
-    client.control_auto_transmit(1, 2, 30, 400, 750, 200, 0, 20, 10, 0)
-    wait = [definitions.PING360_AUTO_DEVICE_DATA]
-    assert [client.wait_message(wait, PATIENCE_S).angle for _ in range(4)] == [0, 10, 20, 10]
-    client.control_motor_off()
-    assert client.wait_message([definitions.COMMON_ACK], PATIENCE_S)
-
-
-def fetch(url: str, body: Any = None) -> tuple[int, Any]:
-    request = urllib.request.Request(
-        url, None if body is None else json.dumps(body).encode(), method="GET" if body is None else "PUT"
-    )
-    try:
-        with urllib.request.urlopen(request, timeout=PATIENCE_S) as response:
-            return response.status, json.load(response)
-    except urllib.error.HTTPError as error:
-        return error.code, None
-
-
-def test_a_ugps_tells_by_http_where_the_vehicle_is(where: Where) -> None:
-    url = f"http://127.0.0.1:{where[1]['ugps']}/api/v1"
-    assert wait_for(lambda: fetch(f"{url}/position/acoustic/filtered")[0] == 200)
-    _, position = fetch(f"{url}/position/acoustic/filtered")
-    assert (position["x"], position["y"]) == pytest.approx((4.0, 4.0), abs=1.0)
-    assert position["position_valid"]
-    assert fetch(f"{url}/position/global")[0] == 503  # the pool is nowhere on the earth
-    generic = fetch(f"{url}/config/generic")[1] | {"gps": "static", "static_lat": 63.4, "static_lon": 10.4}
-    assert fetch(f"{url}/config/generic", generic) == (200, {"success": True})
-    assert fetch(f"{url}/position/global")[1]["lat"] == pytest.approx(63.4, abs=1e-3)
 
 
 @pytest.mark.skipif(not shutil.which("ffmpeg"), reason="ffmpeg is not installed")

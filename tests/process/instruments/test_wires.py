@@ -2,7 +2,6 @@
 
 import json
 import socket
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -110,20 +109,6 @@ def test_gpsd_finds_a_u_blox_receiver_and_its_fix(wires: Wires) -> None:
     assert (is_fixed, is_known) == (True, True), found
     assert (fix["lat"], fix["lon"]) == pytest.approx((57.7, 11.9), abs=1e-3)
     assert len(found["SKY"]["satellites"]) >= 5
-
-
-@pytest.mark.parametrize(
-    ("option", "answer"),
-    [("-p MON-VER", "extension MOD=NEO-M9N"), ("-P 32.01 -g CFG-RATE-MEAS", "CFG-RATE-MEAS/0x30210001 val 1000")],
-)
-def test_ubxtool_asks_for_version_and_configuration(wires: Wires, option: str, answer: str) -> None:
-    command = ["ubxtool", "-f", wires.line("gps"), "-s", "38400", "-w", "2", *option.split()]
-
-    def is_answered() -> bool:
-        said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
-        return answer in said.stdout
-
-    assert wait_for(is_answered)
 
 
 def test_the_driver_of_a_vn200_reads_attitude_and_field(wires: Wires) -> None:

@@ -36,18 +36,3 @@ def test_the_speed_changes_after_the_answer(kind: Any, change: bytes, store: byt
     device.ask(store)
     device.restart()
     assert [baud for _, baud in device.speeds] == [57_600]
-
-
-@pytest.mark.parametrize(
-    ("kind", "change"),
-    [
-        (Vn100, b"$VNWRG,05,57601*XX\r\n"),
-        (Receiver, UBXMessage.config_set(1, 0, [("CFG_UART1_BAUDRATE", 300)]).serialize()),
-        (Pathfinder, b"CB911\r"),
-        (Pathfinder, b"CB721\r"),
-    ],
-)
-def test_a_speed_that_the_device_does_not_have_is_refused(kind: Any, change: bytes) -> None:
-    device = Bench(kind, load_sensor(kind.sensors[0]).Model())
-    assert device.ask(change)
-    assert device.speeds == []

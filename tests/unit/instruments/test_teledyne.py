@@ -86,9 +86,9 @@ def test_it_waits_at_the_prompt_keeps_what_it_is_told_to_and_refuses() -> None:
     for command in (b"CR1\r", b"#BX00300\r", b"CF11110\r", b"EA-04500\r", b"es00\r", b"EZ10000010\r", b"CK\r"):
         assert device.ask(command) == command.strip().upper() + b"\r\n>"
     assert device.ask(b"EX?\r") == b"EX?\r\nEX = 11111\r\n>"
-    for command in (b"BPA", b"PD6", b"EX12345", b"XX1"):
+    for command in (b"BPA", b"PD6", b"EX12345", b"XX1", b"CB911", b"CB721"):
         assert device.ask(command + b"\r\n") == command + b"\r\n" + command + b" ERR: Bad command parameters!\r\n>"
-    assert device.device.malformed == 4
+    assert device.device.malformed == 6
     assert device.ask(b"CS\r") == b"CS\r\n"
     assert device.ask(b"EX00000\r") == b""  # it pings
     assert len(device.sample(LOCKED)) == 6 + 2 * 3 + 59 + 77 + 81 + 2 + 2
