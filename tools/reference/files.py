@@ -7,7 +7,8 @@ from hil.autonomy.control import controller, fin_control
 from hil.autonomy.fleets.formation import FieldSettings
 from hil.autonomy.paths.vfh import VfhSettings
 from hil.autonomy.tasks.scheduler import Mission, Task
-from hil.common.schema import NOUNS, preset_names
+from hil.common.schema import NOUNS, preset_folder, preset_names
+from hil.common.tables import read_table
 from hil.common.units import SPELLINGS, UNITS
 from hil.doctor.vehicle.rules import RULES, words
 from hil.links.dronecan import settings as dronecan
@@ -128,9 +129,8 @@ def sensor_keys() -> str:
     default = ", ".join(f"`{name}`" for name in DEFAULT_SENSORS)
     text = (
         f"Each sensor is a section `[sensors.NAME]` of the scenario. These are always fitted: {default}. A rate of 0 "
-        f"removes one. `device` sets the values of a product: "
-        f"{', '.join(f'`{name}`' for name in preset_names(DEVICES))}. Another sensor of a kind is a section of another "
-        'name with the kind as `sensor`: `[sensors.camera_down]` with `sensor = "camera"`. Its topics and frames have '
+        "removes one. `device` sets the values of a [product](#devices). Another sensor of a kind is a section of "
+        'another name with the kind as `sensor`: `[sensors.camera_down]` with `sensor = "camera"`. Its topics and frames have '
         "that name (`camera_down/image_raw`, `camera_down_optical_frame`), and its random numbers are independent."
     )
     sections = [
@@ -145,7 +145,14 @@ def sensor_keys() -> str:
         Section("InstrumentFaults", InstrumentFaults),
         *[Section(name, load_sensor(name).Model, f"`[sensors.{name}]`") for name in SENSORS],
     ]
-    return _page("Sensors in a scenario", text, sections)
+    tables = {name: read_table(f"{preset_folder(DEVICES)}/{name}.toml") for name in preset_names(DEVICES)}
+    rows = "".join(f"| `{name}` | `{table['sensor']}` | {table['source']} |\n" for name, table in tables.items())
+    devices = (
+        "## Devices\n\nValues for `device`. Which number is from where is also said in the files, "
+        '`sim/sensors/devices`. A ± that a data sheet does not explain is taken for 1 sigma. "Unverified" numbers '
+        f"are commonly given, but were not read in a source.\n\n| device | sensor | source |\n|---|---|---|\n{rows}"
+    )
+    return _page("Sensors in a scenario", text, sections, devices)
 
 
 def _findings() -> str:
