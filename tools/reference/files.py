@@ -131,7 +131,8 @@ def sensor_keys() -> str:
         f"Each sensor is a section `[sensors.NAME]` of the scenario. These are always fitted: {default}. A rate of 0 "
         "removes one. `device` sets the values of a [product](#devices). Another sensor of a kind is a section of "
         'another name with the kind as `sensor`: `[sensors.camera_down]` with `sensor = "camera"`. Its topics and '
-        "frames have that name (`camera_down/image_raw`, `camera_down_optical_frame`), and its random numbers are independent."
+        "frames have that name (`camera_down/image_raw`, `camera_down_optical_frame`), and its random numbers are "
+        "independent."
     )
     sections = [
         Section("Every sensor", Mounting),
