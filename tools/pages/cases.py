@@ -1,6 +1,6 @@
-"""Fly the reference platform's cases and write docs/explanation/cases.md with its pictures.
+"""Fly the reference platform's cases and write docs/reference/cases.md with its pictures.
 
-    python tools/pages/cases.py [--out docs/explanation] [--seeds 50] [--hil 1] [--only NAME ...]
+    python tools/pages/cases.py [--out docs/reference] [--seeds 50] [--hil 1] [--only NAME ...]
 
 Each set of HIL flights takes about ten minutes, and the simulated flights some minutes. Run nothing else meanwhile:
 otherwise the figures of processor time and delay are those of a busy machine.
@@ -38,7 +38,8 @@ HEAD = """\
 
 Both fly the same code and read the same files. Seed 1 is the scenario file unchanged. Other seeds change the noise, the
 start, and those obstacles that are not in the map. The paper gives neither the positions of obstacles nor the durations
-of tasks: ours are in the scenario files. [The reference platform](reference_platform.md) compares each equation.
+of tasks: ours are in the scenario files. [The reference platform](../explanation/reference_platform.md) compares each
+equation.
 
 | Row | Meaning |
 | --- | --- |
@@ -65,7 +66,7 @@ and communicated over loopback. So these figures do not apply to a board or a wi
 def main() -> int:
     """Fly the cases, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", metavar="DIR", default=str(ROOT / "docs" / "explanation"))
+    parser.add_argument("--out", metavar="DIR", default=str(ROOT / "docs" / "reference"))
     parser.add_argument("--seeds", type=int, metavar="N", default=50)
     parser.add_argument("--hil", type=int, metavar="N", default=1)
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=list(CASES), default=list(CASES))

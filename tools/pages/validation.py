@@ -1,6 +1,6 @@
 """Compare the simulator with published data and with theory: the page validation.md and its pictures.
 
-    python tools/pages/validation.py [--out docs/explanation] [--only NAME ...]
+    python tools/pages/validation.py [--out docs/reference] [--only NAME ...]
 
 Each run computes every figure again. A figure outside its bound ends the run with exit code 1, and
 tests/system/tools/test_validation.py does the same. Needs the packages of `pip install -e '.[dev]'`.
@@ -104,7 +104,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Draw the sheets; write the page if all sheets are drawn and all figures are within their bounds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "--out", type=Path, default=ROOT / "docs" / "explanation", help="folder of the page [%(default)s]"
+        "--out", type=Path, default=ROOT / "docs" / "reference", help="folder of the page [%(default)s]"
     )
     parser.add_argument(
         "--only", nargs="+", metavar="NAME", default=[], help="draw only these pictures, and do not write the page"

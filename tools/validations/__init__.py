@@ -1,1 +1,1 @@
-"""Pictures of docs/explanation/validation.md: one module per part of the simulator."""
+"""Pictures of docs/reference/validation.md: one module per part of the simulator."""

@@ -1,4 +1,4 @@
-"""Parts of the pictures of docs/explanation/validation.md: panels, and figures that a test checks."""
+"""Parts of the pictures of docs/reference/validation.md: panels, and figures that a test checks."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

@@ -9,7 +9,7 @@ import pytest
 from hil.cases.case import find_case
 from hil.cases.flights import fly_one
 
-PAGE = Path(__file__).parents[3] / "docs" / "explanation" / "cases.md"
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "cases.md"
 
 
 def page_figures(name: str) -> dict[str, float]:

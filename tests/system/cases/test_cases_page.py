@@ -1,4 +1,4 @@
-"""docs/explanation/cases.md has the figures of flights with this version of the code."""
+"""docs/reference/cases.md has the figures of flights with this version of the code."""
 
 import pytest
 

@@ -13,7 +13,7 @@ from tools.pages import validation
 from tools.validations.sheet import Finding, Sheet, above, below, near
 
 ROOT = Path(__file__).parents[3]
-DOCS = ROOT / "docs" / "explanation"
+DOCS = ROOT / "docs" / "reference"
 SHEETS = {sheet.name: sheet for sheet in validation.SHEETS}
 
 
