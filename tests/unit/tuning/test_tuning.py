@@ -147,8 +147,8 @@ def test_a_vehicle_with_fins_dives_and_turns_without_much_overshoot(name: str, a
     vehicle, control = load_vehicle(name)
     figures = Tuner(name, vehicle, control)._fly(axis, size, control).figures()
     assert figures.overshoot < 0.04
-    assert figures.settling < 20.0
-    assert abs(figures.steady) < 0.02
+    assert figures.settling < 25.0
+    assert abs(figures.steady) < 0.05
 
 
 def test_the_identified_process_agrees_with_the_vehicle() -> None:
