@@ -181,6 +181,9 @@ class Pilot:
         self.steps: list[float] = []
         self.commands: list[Any] = []
 
+    def update_sensor(self, topic: str, sample: Any) -> None:
+        self.commands.append((topic, sample))
+
     def update(self, _now: int, dt: float) -> tuple[ThrusterCommand, bool]:
         self.steps.append(dt)
         return ThrusterCommand(len(self.steps), self.active, AHEAD if self.active else NEUTRAL), self.trips
@@ -216,6 +219,12 @@ def test_the_controller_runs_when_it_is_due_and_at_once_for_a_command() -> None:
         led.source.serve(begin + at)
     limit = 2 * PERIOD_NS / NS_PER_S  # a pause of the process is no long step of the integrators
     assert led.pilot.steps == pytest.approx([limit, wait_ns / NS_PER_S, 1e-3, 1e-6, limit])
+
+
+def test_samples_reach_the_pilot() -> None:
+    led = Led()
+    led.source.update_sensor("imu", 5)
+    assert led.pilot.commands == [("imu", 5)]
 
 
 def test_a_command_is_dropped_while_disarmed_or_refused_by_the_link() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from hil.common.errors import ConfigError
-from hil.slave.ros.parameters import Parameters, read_failures
+from hil.slave.ros.parameters import Parameters, _is_below, read_failures
 from sim.tether import TetherKeys
 
 DOUBLE, STRING = 3, 4
@@ -81,3 +81,17 @@ def test_without_a_tether_there_are_no_parameters() -> None:
     call, _ = call_services(None)
     assert call("list_parameters", prefixes=[], depth=0)["result"]["names"] == ["failures.bow"]
     assert call("get_parameters", names=["tether.length"])["values"] == [{}]
+
+
+@pytest.mark.parametrize(
+    ("name", "prefixes", "depth", "is_below"),
+    [
+        ("a", [], 1, True), ("a.b", [], 1, False), ("a.b", [], 2, True), ("a.b.c.d", [], 0, True),
+        ("a.b", ["a"], 1, True), ("a.b.c", ["a"], 1, False), ("a.b.c", ["a"], 2, True), ("a.b.c.d", ["a"], 0, True),
+        ("a", ["a"], 1, True), ("ab.c", ["a"], 1, False), ("b.c", ["a", "b"], 1, True),
+    ],
+)  # fmt: skip
+def test_parameters_are_listed_below_their_prefixes_so_deep(
+    name: str, prefixes: list[str], depth: int, is_below: bool
+) -> None:
+    assert _is_below(name, prefixes, depth) == is_below
