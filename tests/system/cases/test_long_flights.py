@@ -5,8 +5,24 @@ from pathlib import Path
 
 from hil.cases.flights import fly_all, fly_one
 from hil.cases.path_planning import PathPlanning
+from hil.cases.record import Result
+from hil.cases.single import radius_of
 from hil.scenario.variant import write_variant
-from tests.process.cases.test_cases import check
+from sim.vehicle.vehicle import load_vehicle
+
+RADIUS = radius_of(load_vehicle("paper_six")[0])
+
+
+def check(result: Result) -> None:
+    """Check what holds for every flight of one vehicle that succeeds."""
+    assert result.success, result.reason
+    assert not result.collided
+    assert result.least_clearance > RADIUS
+    assert 1.0 <= result.ratio < 1.1
+    assert 0.6 < result.path_length / result.duration < 0.85  # m/s, of 0.8 commanded
+    assert 10.0 < result.energy / result.duration < 300.0  # W
+    assert result.cross_track_rms < result.cross_track_max < 1.5
+    assert 0.0 < result.planner_cpu < 0.1
 
 
 def test_path_planning_of_two_seeds_is_equal_on_one_and_two_processes(tmp_path: Path) -> None:
