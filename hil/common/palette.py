@@ -1,14 +1,20 @@
-"""Colours for all pictures, as #rrggbb: the same in plots, in reports and in the live view."""
+"""Colours of all pictures, as #rrggbb: told apart by colour-blind readers, and by their brightness in grey print.
 
-PATH = "#2563eb"  # planned
-TRACK = "#ea580c"  # true
-NAVIGATION = "#9333ea"  # estimated by the vehicle's own navigation
+Lines and marks: M. Okabe and K. Ito, Color Universal Design (2008). What two colours leave open, dashes and marks say.
+"""
+
+SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#6b7280")  # curves, in their order
+PATH = SERIES[0]  # planned
+TRACK = SERIES[1]  # true
+NAVIGATION = SERIES[3]  # estimated by the vehicle's own navigation
 COMMANDED = PATH
-START = "#0f766e"
-GOAL = "#16a34a"
+START = "#111827"
+GOAL = SERIES[2]
 OBSTACLE = "#64748b"
-HIDDEN_OBSTACLE = "#a16207"  # not on the planner's map
-TETHER = "#ca8a04"
-EVENT = "#dc2626"
-WATER = "#f3f6f9"
+HIDDEN_OBSTACLE = SERIES[5]  # not on the planner's map
+TETHER = SERIES[4]
+EVENT = "#111827"
+WATER = "#eef5fa"
+LAND = "#d9c69a"
+CLOSED = "#cfd6de"  # where the planner plans no path
 GRID = "0.9"

@@ -1,12 +1,13 @@
 """Log state, thrusts and every force of a simulated vehicle, as a table and a picture."""
 
 from collections.abc import Callable
+from itertools import accumulate, pairwise
+from math import degrees
 from typing import Any
 
 from hil.common.clock import NS_PER_S
-from hil.common.palette import GRID, START, TRACK
 from hil.common.tables import csv_text, save_text
-from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.plots.plotting import add_legend, curve, pyplot, save_figure
 from sim.dynamics import Forces
 from sim.rotations import to_euler
 from sim.simulation import Simulation
@@ -15,6 +16,12 @@ PERIOD_NS = NS_PER_S // 20
 POSE = ("time_s", "north_m", "east_m", "down_m", "roll_rad", "pitch_rad", "yaw_rad")
 SPEEDS = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s")
 AXES = ("x_n", "y_n", "z_n", "k_nm", "m_nm", "n_nm")
+PANELS = (
+    ("track", "depth"), ("track", "heading"), ("track", "attitude"), ("speed", "thrust"), ("surge", "heave"),
+    ("pitch", "yaw"),
+)  # fmt: skip
+TOTAL = {"color": "black", "linestyle": "-"}
+DrawTrack = Callable[[Any, list[float], list[float]], None]  # axes, m east, m north
 
 
 class Flight:
@@ -54,42 +61,35 @@ class Flight:
         """Write the table as CSV, with names and units in the first line. Raises ConfigError."""
         save_text(path, csv_text([self.columns, *([f"{x:.9g}" for x in row] for row in self.rows)]))
 
-    def draw(self, path: str, on_track: Callable[[Any], None] = lambda axes: None) -> None:
-        """Draw track, depth, attitude, speeds, thrusts, and the forces of each kind.
+    def draw(self, path: str, draw_track: DrawTrack) -> None:
+        """Draw track, depth, attitude, speeds, thrusts, and the forces of each kind; `draw_track` draws the first.
 
-        `on_track` may draw more into the axes of the track, east to the right. Raises ConfigError, MissingExtraError.
+        Raises ConfigError, MissingExtraError.
         """
         plt = pyplot()
-        figure, axes = plt.subplots(4, 2, figsize=(15, 14), layout="constrained")
-        (track, surge, depth, pitch), (speed, heave, thrust, yaw) = axes[:, 0], axes[:, 1]
-        self._draw_track(track)
-        on_track(track)
-        _zoom(track)
-        add_legend(track)
-        self._lines(depth, {"depth": "down_m"}, "depth (m)", "depth of the vehicle's origin")
-        depth.invert_yaxis()
+        figure, axes = plt.subplot_mosaic(PANELS, figsize=(16, 17), width_ratios=(5, 4), layout="constrained")
+        axes["track"].set_title("track from above")
+        draw_track(axes["track"], self._column("east_m"), self._column("north_m"))
+        self._lines(axes["depth"], {"depth": "down_m"}, "depth (m)", "depth of the vehicle's origin")
+        axes["depth"].invert_yaxis()
+        self._lines(axes["heading"], {"heading": "yaw_rad"}, "heading (°)", "heading, 0 to the north, 90 to the east")
+        attitude = {"roll, to starboard": "roll_rad", "pitch, bow up": "pitch_rad"}
+        self._lines(axes["attitude"], attitude, "angle (°)", "roll and pitch")
         speeds = {"surge u": "u_m_s", "sway v": "v_m_s", "heave w": "w_m_s"}
-        self._lines(speed, speeds, "velocity (m/s)", "velocity over ground, body axes")
-        names = [name for name in self.columns if name.startswith("thrust_")]
-        self._lines(
-            thrust, {name[7:-2].replace("_", " "): name for name in names}, "thrust (N)", "thrust of each motor"
-        )
-        for panel, axis, quantity, title in (
-            (surge, "x_n", "force (N)", "surge forces, along body x (forward)"),
-            (heave, "z_n", "force (N)", "heave forces, along body z (down)"),
-            (pitch, "m_nm", "moment (N m)", "pitch moments, about body y (starboard)"),
-            (yaw, "n_nm", "moment (N m)", "yaw moments, about body z (down)"),
+        self._lines(axes["speed"], speeds, "velocity (m/s)", "velocity over ground, body axes")
+        thrusts = {name[7:-2].replace("_", " "): name for name in self.columns if name.startswith("thrust_")}
+        self._lines(axes["thrust"], thrusts, "thrust (N)", "thrust of each motor")
+        for name, axis, quantity, title in (
+            ("surge", "x_n", "force (N)", "surge forces, along body x (forward)"),
+            ("heave", "z_n", "force (N)", "heave forces, along body z (down)"),
+            ("pitch", "m_nm", "moment (N m)", "pitch moments, about body y (starboard)"),
+            ("yaw", "n_nm", "moment (N m)", "yaw moments, about body z (down)"),
         ):
             curves = {term.replace("_", " "): f"{term}_{axis}" for term in Forces._fields}
-            self._lines(panel, curves, quantity, title)
-            self._leave_out_contacts(panel, f"contact_{axis}")
+            self._lines(axes[name], curves, quantity, title)
+            self._leave_out_contacts(axes[name], f"contact_{axis}")
         figure.suptitle(self.title)
         save_figure(figure, path)
-
-    def _draw_track(self, axes: Any) -> None:
-        axes.plot(self._column("east_m"), self._column("north_m"), color=TRACK, label="track (true)", zorder=3)
-        axes.plot(*[self._column(name)[0] for name in ("east_m", "north_m")], "o", color=START, label="start", zorder=3)
-        axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title="track from above")
 
     def _leave_out_contacts(self, axes: Any, contact: str) -> None:
         """Scale the axis without the contact forces, which are about a hundred times larger and shown as numbers."""
@@ -110,10 +110,13 @@ class Flight:
         time = self._column("time_s")
         for number, (label, name) in enumerate(curves.items()):
             values = self._column(name)
+            if name in POSE[4:]:
+                values = _degrees(values)
             if any(values):  # no line for a force that is always zero
-                axes.plot(time, values, label=label, linewidth=1.0, color="black" if label == "total" else f"C{number}")
+                axes.plot(
+                    time, values, **{**curve(number), **TOTAL} if label == "total" else curve(number), label=label
+                )
         axes.set(xlabel="time (s)", ylabel=quantity, title=title)
-        axes.grid(color=GRID, linewidth=0.6)
         if len(curves) > 1:
             add_legend(axes)
 
@@ -122,12 +125,8 @@ class Flight:
         return [row[place] for row in self.rows]
 
 
-def _zoom(axes: Any) -> None:
-    """Limit the axes to the lines and marks, with a margin; other artists are ignored."""
-    marks = [line for line in axes.lines if len(line.get_xdata())]
-    for set_limits, values in (
-        (axes.set_xlim, [float(x) for line in marks for x in line.get_xdata()]),
-        (axes.set_ylim, [float(y) for line in marks for y in line.get_ydata()]),
-    ):
-        middle, half = 0.5 * (max(values) + min(values)), 0.5 * (max(values) - min(values))
-        set_limits(middle - 1.2 * half - 2.0, middle + 1.2 * half + 2.0)
+def _degrees(values: list[float]) -> list[float]:
+    """Return angles in degrees, without jumps where one passes 180 or -180."""
+    angles = [degrees(value) for value in values]
+    turns = accumulate(round((a - b) / 360.0) for a, b in pairwise(angles))
+    return [angle + 360.0 * turn for angle, turn in zip(angles, (0, *turns), strict=True)]

@@ -6,15 +6,25 @@ from collections.abc import Sequence
 from math import degrees
 from typing import Any
 
-from hil.common.palette import COMMANDED, EVENT, GOAL, HIDDEN_OBSTACLE, OBSTACLE, PATH, START, TRACK, WATER
+from hil.common.palette import (
+    CLOSED,
+    COMMANDED,
+    EVENT,
+    GOAL,
+    HIDDEN_OBSTACLE,
+    LAND,
+    OBSTACLE,
+    PATH,
+    START,
+    TRACK,
+    WATER,
+)
 from hil.master.flight import Plan
-from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.plots.plotting import add_legend, fit_map, pyplot, save_figure
 from hil.scenario.config import Scenario
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 from sim.run_events import RunEvent
-
-MARGIN = "#dbe0e6"  # colour around obstacles, where the planner plans no path
 
 
 def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent] = ()) -> str:
@@ -23,13 +33,9 @@ def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent]
     with open(os.path.join(folder, "track.csv"), newline="", encoding="utf-8") as file:
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
     figure, (field, depth, speed) = plt.subplots(3, 1, figsize=(10, 11), height_ratios=(6, 1, 1), layout="constrained")
-    draw_map(field, scenario, plan)
-    field.plot(
-        [row["true_east_m"] for row in rows], [row["true_north_m"] for row in rows], color=TRACK, label="track (true)"
-    )
-    draw_events(field, events)
-    field.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title=scenario.description)
-    add_legend(field)
+    east, north = ([row[f"true_{axis}_m"] for row in rows] for axis in ("east", "north"))
+    draw_flight(field, east, north, scenario, plan.world, plan, events)
+    field.set(title=scenario.description)
     time = [row["time_s"] for row in rows]
     depth.plot(time, [row["true_depth_m"] for row in rows], color=TRACK, label="true")
     draw_depths(depth, scenario)
@@ -43,22 +49,39 @@ def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent]
     return save_figure(figure, os.path.join(folder, "trajectory.png"))
 
 
-def draw_map(axes: Any, scenario: Scenario, plan: Plan) -> None:
-    """Draw the planner's map (obstacles dark, their margins light), path, start and goal into `axes`."""
-    from matplotlib.colors import ListedColormap
-
-    grid = plan.request.map
-    rows_n, columns_n = grid.cells.shape
-    south, west = grid.origin
-    extent = (west, west + columns_n * grid.resolution, south, south + rows_n * grid.resolution)
-    kinds = grid.cells.astype(int) + grid.inflate(plan.request.clearance).cells
-    colours = ListedColormap(["white", MARGIN, OBSTACLE])
-    axes.imshow(kinds, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=2, interpolation="nearest")
-    for colour, label in ((OBSTACLE, "obstacle"), (MARGIN, "margin of the planner")):
-        axes.plot([], [], "s", color=colour, label=label)
-    draw_path(axes, plan.planner.path)
+def draw_flight(
+    axes: Any, east: Sequence[float], north: Sequence[float], scenario: Scenario, world: World,
+    plan: Plan | None = None, events: Sequence[RunEvent] = (),
+) -> None:  # fmt: skip
+    """Draw a track on the map of its world, with the mission and where the planner's map has no passage."""
+    draw_world(axes, world)
+    if plan:
+        closed = plan.request.map.inflate(plan.request.clearance)
+        _draw_cells(axes, closed.cells, closed.origin, closed.resolution, CLOSED, "closed to the planner", 0.5)
+        draw_path(axes, plan.planner.path)
+    axes.plot(east, north, color=TRACK, linewidth=2.0, label="track (true)")
     draw_start(axes, scenario)
     draw_goal(axes, scenario)
+    draw_events(axes, events)
+    places = scenario.master.places()
+    fit_map(axes, [*east, *(place[1] for place in places)], [*north, *(place[0] for place in places)])
+
+
+def _draw_cells(
+    axes: Any, cells: Any, origin: Sequence[float], resolution: float, colour: str, label: str, zorder: float
+) -> None:
+    """Draw the cells that are True; `origin` is the south-west corner of the grid (m north, m east)."""
+    import numpy as np
+    from matplotlib.colors import ListedColormap
+
+    south, west = origin
+    extent = (west, west + cells.shape[1] * resolution, south, south + cells.shape[0] * resolution)
+    axes.imshow(
+        np.ma.masked_equal(cells, 0), origin="lower", extent=extent, cmap=ListedColormap([colour]),
+        interpolation="nearest", zorder=zorder,
+    )  # fmt: skip
+    if np.any(cells):
+        axes.plot([], [], "s", color=colour, markersize=9, markeredgecolor="0.6", label=label)
 
 
 def draw_path(axes: Any, path: Sequence[Sequence[float]]) -> None:
@@ -76,7 +99,7 @@ def draw_start(axes: Any, scenario: Scenario) -> None:
 def draw_goal(axes: Any, scenario: Scenario) -> None:
     """Draw the mission's goal, if it has one, and its waypoints with their depths."""
     for north, east, depth in scenario.master.places()[:-1]:
-        axes.plot(east, north, "D", color=GOAL, markersize=6, linestyle="none")
+        axes.plot(east, north, "D", color=GOAL, markersize=6, linestyle="none", label="waypoint and its depth")
         axes.annotate(f"  {depth:g} m", (east, north))
     if scenario.master.goal:
         north, east = scenario.master.goal
@@ -91,7 +114,7 @@ def draw_depths(axes: Any, scenario: Scenario) -> None:
 
 
 def draw_world(axes: Any, world: World) -> None:
-    """Draw the obstacles from above, in their true size and position, and the walls if there are any.
+    """Draw land and obstacles from above, in their true size and position, and the walls if there are any.
 
     Upright ones that are not on the map have another colour.
     """
@@ -102,16 +125,22 @@ def draw_world(axes: Any, world: World) -> None:
     south, north, west, east = world.extent
     edge = "black" if world.walls else "0.75"
     axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
+    if world.terrain:
+        grid = world.terrain.grid
+        dry = ~(np.reshape(world.terrain.depths, (grid.rows, grid.columns)) > 0.0)
+        corner = (grid.north_min - 0.5 * grid.resolution, grid.east_min - 0.5 * grid.resolution)
+        _draw_cells(axes, dry, corner, grid.resolution, LAND, "land", 0.7)
     triangles = [triangle for mesh in world.mesh for triangle in np.reshape(mesh.placed, (-1, 3, 3))[..., 1::-1]]
-    axes.add_collection(PolyCollection(triangles, color=OBSTACLE, zorder=1))
+    if triangles:
+        axes.add_collection(PolyCollection(triangles, color=OBSTACLE, label="obstacle", zorder=1), autolim=False)
     for pipeline in world.pipeline:
         norths, easts = zip(*pipeline.points, strict=True)
-        axes.plot(easts, norths, color=OBSTACLE, linewidth=1.0, zorder=1)
+        axes.plot(easts, norths, color=OBSTACLE, linewidth=1.6, label=pipeline.kind, zorder=1)
     for is_hidden, colour, label in ((False, OBSTACLE, "obstacle"), (True, HIDDEN_OBSTACLE, "obstacle not on the map")):
         cylinders = [each for each in world.cylinder if each.hidden is is_hidden]
         boxes = [each for each in world.box if each.hidden is is_hidden]
-        for number, obstacle in enumerate(outlines(cylinders, boxes)):
-            obstacle.set(color=colour, zorder=1, label="" if number else label)
+        for obstacle in outlines(cylinders, boxes):
+            obstacle.set(color=colour, zorder=1, label=label)
             axes.add_patch(obstacle)
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from hil.client.delay import HOPS, quantiles
 from hil.common.errors import ConfigError
-from hil.common.palette import COMMANDED, GRID, NAVIGATION, TETHER, TRACK
-from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.common.palette import COMMANDED, NAVIGATION, OBSTACLE, SERIES, TETHER, TRACK
+from hil.plots.plotting import add_legend, curve, fit_map, pyplot, save_figure
 from hil.plots.run_data import Row, VehicleData, collect
 from hil.plots.run_picture import draw_depths, draw_events, draw_goal, draw_world
 from hil.recording.reader import read_about, read_messages
@@ -62,6 +62,7 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
     if run:
         draw_world(axes, run.world)
         draw_goal(axes, run.scenario)
+    places: list[Sequence[float]] = [(0.0, *place) for place in run.scenario.master.places()] if run else []
     for number, (node, data) in enumerate(vehicles.items()):
         rows = data.true or data.measured
         if not rows:
@@ -70,20 +71,19 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
         if data.true and data.measured and alone:
             axes.plot(_column(data.measured, 2), _column(data.measured, 1), color=NAVIGATION, linewidth=2.5,
                       label="odometry")  # fmt: skip
-        color = TRACK if alone else f"C{number}"
+        style = {"color": TRACK} if alone else curve(number)
         label = node if not alone else f"{node} (true)" if data.true else node
-        axes.plot(_column(rows, 2), _column(rows, 1), color=color, linewidth=1.3, label=label)
-        axes.plot(rows[0][2], rows[0][1], "o", color=color, markersize=7)
-        axes.plot(rows[-1][2], rows[-1][1], "s", color=color, markersize=6)
+        axes.plot(_column(rows, 2), _column(rows, 1), **style, linewidth=2.0, label=label)
+        for end, marker, name in ((rows[0], "o", "start"), (rows[-1], "s", "end")):
+            axes.plot(end[2], end[1], marker, color=style["color"], markersize=7, markeredgecolor="black", label=name)
+        places += rows
         if data.tether:
             axes.plot(_column(data.tether, 1), _column(data.tether, 0), color=TETHER, linewidth=1.3,
                       label="tether at the end")  # fmt: skip
     draw_events(axes, [event for data in vehicles.values() for event in data.events])
     named = (run.scenario.description or f"{run.vehicle.name} in {run.world.name}") if run else "trajectory"
-    axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title=f"{named}\n○ start, □ end")
-    axes.grid(color=GRID, linewidth=0.6)
-    axes.set_axisbelow(True)
-    add_legend(axes)
+    axes.set(title=named)
+    fit_map(axes, _column(places, 2), _column(places, 1))
     return figure
 
 
@@ -109,9 +109,9 @@ def _commands(plt: Any, node: str, data: VehicleData) -> Any:
     figure, panels = plt.subplots(4, 1, figsize=(11, 9), sharex=True, layout="constrained")
     response = data.true or data.measured
     for axes, (label, commanded, true) in zip(panels, RESPONSE, strict=True):
-        _line(axes, data.commands, commanded, color=COMMANDED, linewidth=1.2, drawstyle="steps-post", label="commanded")
+        _line(axes, data.commands, commanded, color=COMMANDED, drawstyle="steps-post", label="commanded")
         if response:
-            _line(axes, response, true, color=TRACK, linewidth=1.2, label="true" if data.true else "odometry")
+            _line(axes, response, true, color=TRACK, label="true" if data.true else "odometry")
         _finish(axes, label)
     panels[-1].set_xlabel("time (s)")
     panels[0].set_title(f"{node}: commands and response, along the body's axes (z down)")
@@ -131,7 +131,6 @@ def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
         _line(axes, data.pulses, number, color=TRACK, linewidth=1.0, drawstyle="steps-post")
         axes.axhline(1500, color="0.6", linewidth=0.8, linestyle="--")
         axes.set_ylabel(name.replace("_", "\n"), fontsize=9)
-        axes.grid(color=GRID, linewidth=0.6)
     panels[0, 0].set_title(f"{node}: pulses of the thrusters (µs; dashed: neutral)")
     panels[-1, 0].set_xlabel("time (s)")
     return figure
@@ -144,7 +143,7 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
     )
     hops = [[max(value, 0) / 1e6 for value in data.delays.hop_ns(hop)] for hop in range(len(HOPS))]
     times, hops = with_gaps(data.traced, hops)
-    over_time.stackplot(times, hops, labels=HOPS, colors=("#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#c2410c"))
+    over_time.stackplot(times, hops, labels=HOPS, colors=SERIES)
     totals = data.delays.totals_ns()
     summary = quantiles(totals)
     over_time.set(
@@ -154,10 +153,8 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
     )
     over_time.set_ylim(0.0, max(1.25 * summary.p99_ms, 0.01))
     figure.legend(loc="outside lower center", fontsize=9, ncols=len(HOPS))
-    over_time.grid(color=GRID, linewidth=0.6)
-    over_time.set_axisbelow(True)
     histogram.hist([total / 1e6 for total in totals], bins=60, range=(0.0, max(1.25 * summary.p99_ms, 0.01)),
-                orientation="horizontal", color="#94a3b8")  # fmt: skip
+                orientation="horizontal", color=OBSTACLE)  # fmt: skip
     for share, value in (("median", summary.p50_ms), ("99 %", summary.p99_ms)):
         histogram.axhline(value, color="black", linewidth=0.9, linestyle="--")
         histogram.annotate(f"{share}: {value:.2f} ms", (0.98, value), xycoords=("axes fraction", "data"), fontsize=9,
@@ -186,12 +183,11 @@ def _line(axes: Any, rows: Sequence[Row], column: int, **style: Any) -> None:
     axes.plot(times, values, **style)
 
 
-def _column(rows: Sequence[Row], column: int) -> list[float]:
+def _column(rows: Sequence[Sequence[float]], column: int) -> list[float]:
     return [row[column] for row in rows]
 
 
 def _finish(axes: Any, label: str) -> None:
     axes.set_ylabel(label)
     axes.set_xlim(left=0.0)
-    axes.grid(color=GRID, linewidth=0.6)
     add_legend(axes)

@@ -77,8 +77,6 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
     half = [0.5 * max(size, 0.6 * max(wide, high)) + 1.25 * reach for size in (wide, high)]
     axes.set(title=view.title, xlabel=view.right[2], ylabel=view.up[2], aspect="equal",
              xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))  # fmt: skip
-    axes.grid(color="0.92", linewidth=0.6)
-    axes.set_axisbelow(True)
     if view is VIEWS[0]:
         axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
 

@@ -22,7 +22,6 @@ def draw(title: str, results: Sequence[Tuned], path: str) -> None:
         panel.plot(tuned.after.times, tuned.after.values, label="after", color=TRACK)
         panel.set_ylabel(f"{tuned.axis} ({AXES[tuned.axis].unit})")
         panel.set_xlabel("time since the step (s)")
-        panel.grid(alpha=0.3)
     add_legend(axes.flat[len(results) - 1])
     figure.suptitle(title)
     save_figure(figure, path)

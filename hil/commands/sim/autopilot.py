@@ -5,6 +5,7 @@ import sys
 import time
 from argparse import Namespace
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 from hil.autopilots.run import AutopilotRun
@@ -12,6 +13,7 @@ from hil.commands.sim.watching import logged, pace
 from hil.common.clock import NS_PER_S
 from hil.common.errors import STOPPED, MissionError
 from hil.common.streams import ProgressLine
+from hil.plots.run_picture import draw_flight
 from hil.scenario.config import Scenario
 from sim.run_events import merge_events
 
@@ -31,7 +33,8 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
         watches = [_progress_watch(line), *pace(options, scenario, run, opened)]
         began = time.monotonic()
         interrupted = False
-        with logged(options, run.simulation, watches):
+        draw_track = partial(draw_flight, scenario=scenario, world=run.simulation.world)
+        with logged(options, run.simulation, watches, draw_track):
             try:
                 run.run(scenario.master.time_limit, watches)
             except KeyboardInterrupt:

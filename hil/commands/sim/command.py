@@ -16,8 +16,8 @@ from hil.common.streams import ProgressLine
 from hil.common.text import json_text
 from hil.master.flight import Outcome, Plan, prepare, require_success
 from hil.master.guidance import narrow_turn
-from hil.plots import run_picture as picture
 from hil.plots.plotting import check_picture
+from hil.plots.run_picture import draw_flight
 from hil.scenario.attitude_warning import attitude_warning
 from hil.scenario.config import AUTOPILOTS, Scenario, load_single
 
@@ -69,7 +69,11 @@ def _fly(
     watches.append(progress_watch(plan.planner, line.show))
     began, began_cpu = time.monotonic(), time.process_time()  # psutil's processor time has steps of 10 ms
     outcome = None
-    with logged(options, simulation, watches, lambda axes: _draw_field(axes, scenario, plan, outcome)):
+
+    def draw_track(axes: Any, east: list[float], north: list[float]) -> None:
+        draw_flight(axes, east, north, scenario, plan.world, plan, outcome.events if outcome else ())
+
+    with logged(options, simulation, watches, draw_track):
         try:
             outcome, digest = fly(scenario, plan, vehicle, watches)
             line.clear()
@@ -82,14 +86,6 @@ def _fly(
         return STOPPED
     require_success(outcome)
     return 0
-
-
-def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | None) -> None:
-    """Draw obstacles, path, goal and events."""
-    picture.draw_world(axes, plan.world)
-    picture.draw_path(axes, plan.planner.path)
-    picture.draw_goal(axes, scenario)
-    picture.draw_events(axes, outcome.events if outcome else ())
 
 
 def _as_text(outcome: Outcome, digest: str, duration: float, cpu: float) -> str:

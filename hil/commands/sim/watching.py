@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.commands.view.flights import FlightViewer
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
-from hil.plots.force_log import Flight
+from hil.plots.force_log import DrawTrack, Flight
 from hil.scenario.config import Scenario
 from sim.simulation import Simulation
 
@@ -23,13 +23,8 @@ def pace(options: Namespace, scenario: Scenario, vehicle: Any, opened: ExitStack
 
 
 @contextmanager
-def logged(
-    options: Namespace, simulation: Simulation, watches: list[Watch], on_track: Callable[[Any], None] = lambda _: None
-) -> Iterator[None]:
-    """Write and draw the forces of the flight inside, if --output or --plot ask for it. Raises ConfigError.
-
-    `on_track` draws more into the axes of the track.
-    """
+def logged(options: Namespace, simulation: Simulation, watches: list[Watch], draw_track: DrawTrack) -> Iterator[None]:
+    """Write and draw the forces of the flight inside, if --output or --plot ask for it. Raises ConfigError."""
     if not (options.output or options.plot):
         yield
         return
@@ -39,7 +34,7 @@ def logged(
     if options.output:
         flight.write(options.output)
     if options.plot:
-        flight.draw(options.plot, on_track)
+        flight.draw(options.plot, draw_track)
 
 
 def _real_time(step_ns: int) -> Watch:

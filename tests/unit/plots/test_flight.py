@@ -76,10 +76,15 @@ def test_forces_in_contact_add_up_to_mass_times_acceleration(tmp_path: Path) -> 
 
 def test_the_flight_picture_is_drawn_and_errors_are_reported(flown: Flight, tmp_path: Path) -> None:
     drawn: list[Any] = []
-    flown.draw(str(tmp_path / "flight.png"), drawn.append)
-    assert [axes.get_title() for axes in drawn] == ["track from above"]
+
+    def draw_track(*given: Any) -> None:
+        drawn.append(given)
+
+    flown.draw(str(tmp_path / "flight.png"), draw_track)
+    ((axes, east, north),) = drawn
+    assert (axes.get_title("left"), len(east), len(north)) == ("track from above", 41, 41)
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(ConfigError, match=r"nowhere/flight\.png: cannot be written"):
-        flown.draw(str(tmp_path / "nowhere" / "flight.png"))
+        flown.draw(str(tmp_path / "nowhere" / "flight.png"), draw_track)
     with pytest.raises(ConfigError, match=r"nowhere/flight\.csv: cannot be written"):
         flown.write(str(tmp_path / "nowhere" / "flight.csv"))
