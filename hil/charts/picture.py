@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.grid import Depths, Grid, thinning_step
-from hil.plots.plotting import pyplot, save_figure
+from hil.common.palette import LAND, OBSTACLE
+from hil.plots.plotting import finish_map, pyplot, save_figure
 from hil.plots.run_picture import outlines
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.things.pipelines import Pipeline
@@ -15,7 +16,7 @@ from sim.environment.things.zones import Zone
 
 Array = NDArray[np.float64]
 
-LAND, UNKNOWN, SHORE, INK, OBSTACLE = "#d9c69a", "#e8e8e8", "#5b4a25", "#1f2937", "#c2410c"
+UNKNOWN, SHORE, INK = "#e8e8e8", "#5b4a25", "#1f2937"
 CHARTED = "#be18a0"
 DASHES = {
     "restricted": (6, 2), "military": (6, 2, 1, 2), "anchorage": (3, 3), "dumping": (1, 2), "cable": (8, 2, 1, 2, 1, 2),
@@ -58,13 +59,18 @@ def draw(
     _draw_pixels(axes, grid, colours)
     _draw_marks(axes, grid, marks)
     draw_obstacles(axes, cylinders, boxes)
-    _draw_scale_bar(axes, grid)
-    bar = figure.colorbar(scale, ax=axes, label="depth (m)", shrink=0.8, pad=0.01)
-    bar.ax.invert_yaxis()
-    axes.set(xlim=(west, east), ylim=(south, north), xlabel="east (m)", ylabel="north (m)", title=title, aspect="equal")
+    add_depth_bar(figure, axes, scale)
+    axes.set(xlim=(west, east), ylim=(south, north), title=title)
+    axes.grid(visible=False)
+    finish_map(axes)
     # A PNG is so written in a fourth of the time, at the cost of a slightly larger file.
     options = {"pil_kwargs": {"compress_level": 2}} if path.lower().endswith(".png") else {}
     save_figure(figure, os.path.abspath(path), 120, **options)
+
+
+def add_depth_bar(figure: Any, axes: Any, scale: Any) -> None:
+    """Add the colour bar of depths to the left of a map; its legend is to the right."""
+    figure.colorbar(scale, ax=axes, label="depth (m)", shrink=0.8, pad=0.02, location="left").ax.invert_yaxis()
 
 
 def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
@@ -79,9 +85,9 @@ def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
 
 
 def _size(wide: float, high: float) -> tuple[float, float]:
-    """Return the size of the figure in inches: 11 for the longer side of the map, plus room for its scales."""
+    """Return the size of the figure in inches: 11 for the longer side of the map, plus room for scales and legend."""
     inch = 11.0 / max(wide, high)
-    return max(5.0, wide * inch + 2.2), max(4.0, high * inch + 1.2)
+    return max(6.0, wide * inch + 3.6), max(4.0, high * inch + 1.2)
 
 
 def _thin(grid: Grid, most: int) -> Grid:
@@ -158,19 +164,20 @@ def _draw_marks(axes: Any, grid: Grid, marks: MapMarks) -> None:
         )
         for label in axes.clabel(lines, fontsize=7, fmt="%g"):
             label.set_in_layout(False)  # labels are inside the map and need no room in the layout
-    for lines, colour, width in ((marks.shore, SHORE, 0.9), (marks.bridges, "black", 2.0)):
-        axes.add_collection(
-            LineCollection([line[:, ::-1] for line in lines], colors=colour, linewidths=width, zorder=3)
-        )
+    for lines, colour, width, label in ((marks.shore, SHORE, 0.9, "shore"), (marks.bridges, "black", 2.0, "bridge")):
+        drawn = LineCollection([line[:, ::-1] for line in lines], colors=colour, linewidths=width, zorder=3)
+        drawn.set_label(label if lines else "")
+        axes.add_collection(drawn)
     _draw_soundings(axes, marks.soundings)
     _draw_charted(axes, marks)
 
 
 def _draw_charted(axes: Any, marks: MapMarks) -> None:
-    """Draw zones, pipelines and cables in magenta, as charts do, with a legend if there are any."""
+    """Draw zones, pipelines and cables in magenta, as charts do."""
     from matplotlib.collections import PolyCollection
 
-    axes.add_collection(PolyCollection([m[:, ::-1] for m in marks.meshes], facecolors=OBSTACLE, zorder=5))
+    label = "obstacle" if marks.meshes else ""
+    axes.add_collection(PolyCollection([m[:, ::-1] for m in marks.meshes], facecolors=OBSTACLE, zorder=5, label=label))
     for zone in marks.zones:
         line, dashes = np.array([*zone.outline, zone.outline[0]]), DASHES[zone.kind]
         axes.plot(
@@ -179,16 +186,15 @@ def _draw_charted(axes: Any, marks: MapMarks) -> None:
     for pipeline in marks.pipelines:
         line, style = np.array(pipeline.points), "-" if pipeline.kind == "pipeline" else ":"
         axes.plot(line[:, 1], line[:, 0], style, color=CHARTED, linewidth=1.6, label=pipeline.kind, zorder=4)
-    handles, labels = axes.get_legend_handles_labels()
-    if named := dict(zip(labels, handles, strict=True)):
-        axes.legend(named.values(), named.keys(), loc="lower right", fontsize=7).set_zorder(7)
 
 
 def _draw_soundings(axes: Any, soundings: Array) -> None:
     if len(soundings) > MAX_DOTS:
         return
     if len(soundings) > MAX_NUMBERS:
-        axes.plot(soundings[:, 1], soundings[:, 0], ".", color=INK, markersize=1.6, alpha=0.8, zorder=4)
+        axes.plot(
+            soundings[:, 1], soundings[:, 0], ".", color=INK, markersize=1.6, alpha=0.8, label="sounding", zorder=4
+        )
         return
     for north, east, depth in soundings:
         text = f"{depth:.1f}" if depth < 31.0 else f"{depth:.0f}"
@@ -199,29 +205,12 @@ def draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box,
     """Draw obstacles in true size; cylinders also have a cross, which is visible at any scale."""
     from matplotlib.collections import PatchCollection
 
-    drawn = PatchCollection(outlines(cylinders, boxes), facecolor=OBSTACLE, alpha=0.9, zorder=5)
+    drawn = PatchCollection(outlines(cylinders, boxes), facecolor=OBSTACLE, edgecolor="white", linewidth=0.4, zorder=5)
     drawn.set_in_layout(False)
     axes.add_collection(drawn)
-    if cylinders:
-        axes.plot(
-            [pile.east for pile in cylinders], [pile.north for pile in cylinders],
-            "+", color=OBSTACLE, markersize=5, markeredgewidth=0.9, zorder=5,
-        )  # fmt: skip
-
-
-def _draw_scale_bar(axes: Any, grid: Grid) -> None:
-    """Draw a scale bar of a round length, at most a fifth of the width, and a north arrow."""
-    south, north, west, east = grid.extent
-    wanted = 0.2 * (east - west)
-    decade = 10.0 ** np.floor(np.log10(wanted))
-    length = max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= wanted)
-    x, y = west + 0.04 * (east - west), south + 0.04 * (north - south)
-    white = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 2.0}
-    axes.plot([x, x + length], [y, y], color="black", linewidth=4, solid_capstyle="butt", zorder=6)
-    axes.plot([x, x + 0.5 * length], [y, y], color="white", linewidth=2, solid_capstyle="butt", zorder=7)
-    text = f"{length / 1000:g} km" if length >= 1000.0 else f"{length:g} m"
-    axes.annotate(text, (x + 0.5 * length, y), (0, 6), textcoords="offset points", ha="center", bbox=white, zorder=6)
-    axes.annotate(
-        "N", (0.965, 0.985), (0.965, 0.93), xycoords="axes fraction", ha="center", va="center", bbox=white, zorder=6,
-        arrowprops={"arrowstyle": "-|>", "color": "black"},
+    axes.plot(
+        [pile.east for pile in cylinders], [pile.north for pile in cylinders],
+        "+", color=OBSTACLE, markersize=5, markeredgewidth=0.9, zorder=5,
     )  # fmt: skip
+    if cylinders or boxes:
+        axes.plot([], [], "s", color=OBSTACLE, label="obstacle")

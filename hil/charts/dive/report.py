@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from hil.charts.describe import Facts
+from hil.charts.dive.mosaic import stitch
 from hil.charts.dive.watch import Observation
 from hil.charts.grid import grid_of, write_file
-from hil.charts.picture import LAND, draw_obstacles, hillshade
+from hil.charts.picture import add_depth_bar, draw_obstacles, hillshade
 from hil.common.errors import MissionError
-from hil.common.palette import GRID, TRACK
-from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.common.palette import LAND, PATH, TRACK
+from hil.plots.plotting import add_legend, finish_map, pyplot, save_figure
 from hil.plots.run_picture import draw_goal, draw_start
 from hil.ros.diagnostics import Diagnostics, to_text
 from hil.scenario.config import Scenario
@@ -23,8 +24,10 @@ from sim.rotations import to_euler
 from sim.sensors.imaging.samples import SonarImageSample
 
 FRAMES = 6  # camera pictures in the report
-MARK, MEASURED = "#facc15", "#1d4ed8"
-MAP_MARGIN = 40.0  # m of the map around the track
+MARK, MEASURED = "#facc15", PATH
+MAP_MARGIN = 25.0  # m of the map around the track
+MOSAIC_RESOLUTION = 0.1  # m
+RINGS = 6  # at most, in the picture of a sonar
 
 
 def write_report(
@@ -44,14 +47,17 @@ def write_report(
     figures = {
         "map": (
             _map(plt, world, scenario, observations, chosen),
-            "The track over the seabed, lit from the north-west.",
+            "The track over the seabed, lit from the north-west, and the camera's mosaic, with more contrast.",
         ),
         "altitude": (
             _altitude(plt, world, observations),
             "Seabed and vehicle from the side, and what the altimeter measured.",
         ),
         "camera": (_camera(plt, world, chosen), "Camera pictures, taken at the numbers on the map."),
-        "sonar": (_sonar(plt, observations), "The forward-looking sonar, seen from above; ahead is up."),
+        "sonar": (
+            _sonar(plt, observations),
+            "The forward-looking sonar's picture with the most contrast, seen from above; ahead is up.",
+        ),
         "laser": (_laser(plt, observations), "Echoes of the laser: all scans, and the scan with the most echoes."),
     }
     files = []
@@ -98,28 +104,35 @@ def _map(
     plt: Any, world: World, scenario: Scenario, observations: Sequence[Observation], chosen: Sequence[Observation]
 ) -> Any:
     track = np.array([observation.truth.position[:2] for observation in observations])
-    figure, axes = plt.subplots(figsize=(11, 8), layout="constrained")
-    image, lines = draw_seabed(axes, world, track)
+    figure, axes = plt.subplots(figsize=(12, 8), layout="constrained")
+    low, high = track.min(axis=0) - MAP_MARGIN, track.max(axis=0) + MAP_MARGIN
+    image, lines = _draw_seabed(axes, world, low, high)
+    mosaic = stitch(scenario, observations, grid_of(world), (low[0], high[0], low[1], high[1]), MOSAIC_RESOLUTION)
+    axes.imshow(mosaic, origin="lower", extent=(low[1], high[1], low[0], high[0]), zorder=1.5)
+    axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), title=scenario.description, facecolor=LAND)
     axes.clabel(lines, fontsize=7, fmt="%.3g m")
+    if (seen := mosaic[..., 3] > 0).any():
+        axes.plot([], [], "s", color=mosaic[seen].mean(axis=0) / 255.0, markersize=9, label="mosaic of the camera")
     axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="track (true)")
     draw_start(axes, scenario)
     draw_goal(axes, scenario)
     for number, observation in enumerate(chosen, 1):
         _number(axes, observation.truth.position[1], observation.truth.position[0], number)
-    axes.set(xlabel="east (m)", ylabel="north (m)", title=scenario.description)
-    figure.colorbar(image, ax=axes, label="depth (m)", shrink=0.8, location="left").ax.invert_yaxis()
-    add_legend(axes)
+    axes.plot([], [], "o", color=MARK, markeredgecolor="black", markersize=9, label="place of a camera picture")
+    axes.plot([], [], "s", color=LAND, label="land")
+    axes.grid(visible=False)
+    add_depth_bar(figure, axes, image)
+    finish_map(axes)
     return figure
 
 
-def draw_seabed(axes: Any, world: World, track: Any) -> tuple[Any, Any]:
-    """Draw the seabed around a track (rows of m north, m east) with shading, contours and obstacles.
+def _draw_seabed(axes: Any, world: World, low: Any, high: Any) -> tuple[Any, Any]:
+    """Draw the seabed from `low` to `high` (m north, m east) with shading, contours and obstacles.
 
     Return image and contours.
     """
     grid = grid_of(world)
     south, north, west, east = grid.extent
-    low, high = track.min(axis=0) - MAP_MARGIN, track.max(axis=0) + MAP_MARGIN
     shown = grid.depths[_near(grid.north, low[0], high[0]), :][:, _near(grid.east, low[1], high[1])]
     image = axes.imshow(
         np.ma.masked_less_equal(grid.depths, 0.0), origin="lower", extent=(west, east, south, north), cmap="GnBu",
@@ -131,7 +144,6 @@ def draw_seabed(axes: Any, world: World, track: Any) -> tuple[Any, Any]:
     )  # fmt: skip
     lines = axes.contour(grid.east, grid.north, grid.depths, 14, colors="#1f2937", linewidths=0.5, alpha=0.7)
     draw_obstacles(axes, world.cylinder, world.box)
-    axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), aspect="equal", facecolor=LAND)
     return image, lines
 
 
@@ -164,15 +176,8 @@ def _altitude(plt: Any, world: World, observations: Sequence[Observation]) -> An
     if measured:
         axes.plot(*zip(*measured, strict=True), ".", color=MEASURED, markersize=5, label="altimeter")
     axes.set(xlabel="time (s)", ylabel="depth (m)", ylim=(bottom, 0.0), xlim=(times[0], times[-1] + 1e-9))
-    axes.grid(color=GRID, linewidth=0.6)
     add_legend(axes)
     return figure
-
-
-def draw_camera(axes: Any, picture: Any) -> None:
-    """Draw one picture of the camera (rgb8), without axes."""
-    axes.imshow(np.frombuffer(picture.data, np.uint8).reshape(picture.height, picture.width, 3))
-    axes.axis("off")
 
 
 def _camera(plt: Any, world: World, chosen: Sequence[Observation]) -> Any:
@@ -180,32 +185,38 @@ def _camera(plt: Any, world: World, chosen: Sequence[Observation]) -> Any:
     for axes in panels.flat:
         axes.axis("off")
     for number, (axes, observation) in enumerate(zip(panels.flat, chosen, strict=False), 1):
-        draw_camera(axes, observation.camera)
+        picture = observation.camera
+        axes.imshow(np.frombuffer(picture.data, np.uint8).reshape(picture.height, picture.width, 3))
         altitude = _bed(world, observation) - observation.truth.position[2]
         axes.set_title(f"{number}: {observation.time:.0f} s, {altitude:.1f} m above the bed", fontsize=10)
     return figure
 
 
 def _sonar(plt: Any, observations: Sequence[Observation]) -> Any:
-    """Draw, for each half of the dive, the sonar picture with the strongest contrast, as a fan."""
-    figure, panels = plt.subplots(1, 2, figsize=(12, 4.3), layout="constrained")
-    middle = (len(observations) + 1) // 2
-    for axes, half in zip(panels, (observations[:middle], observations[middle:] or observations), strict=True):
-        observation = max(half, key=lambda observation: float(_echoes(observation.sonar).std()))
-        draw_sonar(axes, observation.sonar)
-        axes.set_title(f"at {observation.time:.0f} s", fontsize=10)
-    return figure
-
-
-def draw_sonar(axes: Any, sonar: SonarImageSample) -> None:
-    """Draw one picture of the forward-looking sonar as a fan, m to starboard and ahead."""
+    """Draw the sonar picture with the strongest contrast as a fan, m to starboard and ahead, with range rings."""
+    observation = max(observations, key=lambda observation: float(_echoes(observation.sonar).std()))
+    sonar = observation.sonar
+    figure, axes = plt.subplots(figsize=(10, 6.5), layout="constrained")
     angles = _edges(np.array(sonar.beams))
     ranges = sonar.first_range + sonar.range_step * np.arange(sonar.bins + 1)
-    axes.pcolormesh(
-        ranges[:, None] * np.sin(angles), ranges[:, None] * np.cos(angles), _echoes(sonar), cmap="copper",
-        rasterized=True, vmin=0.0, vmax=255.0 if sonar.encoding == "uint8" else None,
+    echoes = _echoes(sonar)
+    image = axes.pcolormesh(
+        ranges[:, None] * np.sin(angles), ranges[:, None] * np.cos(angles), echoes, cmap="inferno", rasterized=True,
+        vmin=0.0, vmax=float(np.quantile(echoes, 0.999)) or 1.0,
     )  # fmt: skip
-    axes.set(aspect="equal", xlabel="to starboard (m)", ylabel="ahead (m)", facecolor="black")
+    for ring in plt.MaxNLocator(RINGS, steps=(1, 2, 5, 10)).tick_values(0.0, ranges[-1]):
+        if 0.0 < ring <= ranges[-1]:
+            axes.plot(ring * np.sin(angles), ring * np.cos(angles), color="white", linewidth=0.7, linestyle=":")
+            axes.annotate(f"{ring:g} m", (0.0, ring), (0, -2), textcoords="offset points", color="white", fontsize=8,
+                          ha="center", va="top")  # fmt: skip
+    axes.plot(0.0, 0.0, "^", color=TRACK, markersize=11, markeredgecolor="white", label="vehicle")
+    axes.set(
+        aspect="equal", xlabel="to starboard (m)", ylabel="ahead (m)", facecolor="black",
+        title=f"forward-looking sonar at {observation.time:.0f} s, {sonar.frequency / 1e3:.0f} kHz",
+    )  # fmt: skip
+    axes.grid(visible=False)
+    figure.colorbar(image, ax=axes, label=f"strength of the echo ({sonar.encoding})", shrink=0.75, pad=0.01)
+    return figure
 
 
 def _echoes(sonar: SonarImageSample) -> Any:
@@ -239,8 +250,6 @@ def _laser(plt: Any, observations: Sequence[Observation]) -> Any:
         aspect="equal", xlim=(-1.05 * reach, 1.05 * reach), ylim=(-1.05 * reach, 1.05 * reach),
         xlabel="to starboard (m)", ylabel="ahead (m)", title=f"at {best.time:.0f} s; dashed: greatest range",
     )  # fmt: skip
-    for axes in (world, body):
-        axes.grid(color=GRID, linewidth=0.6)
     return figure
 
 

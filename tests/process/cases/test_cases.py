@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from hil.cases import fidelity
-from hil.cases.case import CASES, find_case
 from hil.cases.path_planning import hidden_piles
 from hil.cases.record import Result, Run, Track
 from hil.cases.single import radius_of, shortest
@@ -89,9 +88,3 @@ def test_the_command_flies_a_case_and_writes_its_files(tmp_path: Path, capsys: p
     for wrong in (["path_planing"], ["path_planning", "--seeds", "0"], ["all", "--hil", "-1"]):
         with pytest.raises(ConfigError):
             command.main(wrong)
-
-
-def test_cases_are_found_by_name() -> None:
-    assert [find_case(name).name for name in CASES] == list(CASES)
-    with pytest.raises(ConfigError, match="did you mean 'path_planning'"):
-        find_case("path_planing")

@@ -81,8 +81,6 @@ def test_a_world_is_drawn_and_exported_in_each_format(tmp_path: Path, capsys: py
 @pytest.mark.parametrize(("arguments", "output"), [
     (["export", "harbour", "h.obj"], r"h.obj: no format .obj: .pgm, .tif"),
     (["export", "harbour", "h.pgm"], "--depth M goes with a map"),
-    (["export", "harbour", "h.tif", "--depth", "3"], "--depth M goes with a map"),
-    (["show", "nowhere"], "no world 'nowhere'"),
     (["list", "no_such_folder"], "no_such_folder: no such folder"),
     (["build", "x.000", "-o", "w", "--resolution", "0"], "--resolution: expected a number from 0.05 to 10000 m"),
     (["build", "x.000", "-o", "w", "--area", "1,2,3"], "expected SOUTH,WEST,NORTH,EAST in degrees"),

