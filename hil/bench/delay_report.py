@@ -8,12 +8,12 @@ from hil.bench.delay_run import HOPS, Result
 from hil.bench.record import Record
 from hil.bench.statistics import median
 from hil.common.columns import aligned, fit_to_terminal
+from hil.common.palette import SERIES
 from hil.common.quantiles import quantile
-from hil.plots.plotting import pyplot, save_figure
+from hil.plots.plotting import curve, pyplot, save_figure
 
 SHARES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
 ENOUGH = 1.0  # commands beyond a quantile that is shown; with fewer the quantile is only the maximum
-COLORS = ("#1e3a8a", "#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#9ca3af", "#c2410c")  # of the hops
 MAX_SHOWN = 0.98  # share of the commands of each configuration in the histogram, if the rest are far away
 FAR = 2.0  # times the delay of the others
 SQUEEZED = 5.0  # largest delay over the histogram's end, beyond which the time series has a logarithmic axis
@@ -34,14 +34,12 @@ def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
     plt = pyplot()
     figure, axes = plt.subplots(1, 3, figsize=(17, 6.5 + 0.12 * len(results)), layout="constrained")
     histogram, series, hops = axes
-    few = len(results) <= 10
-    colors = [plt.get_cmap("tab10")(i) if few else plt.get_cmap("turbo")(i / len(results)) for i in range(len(results))]
     low, high = _range(results)
     beyond = sum(value > high for result in results.values() for value in result.delay)
     largest = max((value for result in results.values() for value in result.delay), default=high)
-    for (name, result), color in zip(results.items(), colors, strict=True):
-        histogram.hist(result.delay, bins=BINS, range=(low, high), histtype="step", color=color, label=name)
-        series.plot(result.at_s, result.delay, linewidth=0.8, color=color)
+    for number, (name, result) in enumerate(results.items()):
+        histogram.hist(result.delay, bins=BINS, range=(low, high), histtype="step", **curve(number), label=name)
+        series.plot(result.at_s, result.delay, linewidth=0.8, **curve(number))
     remark = f"; {beyond} more beyond, up to {largest:.1f} ms" if beyond else ""
     histogram.set(xlabel=f"command delay (ms){remark}", ylabel="commands", xlim=(low, high), title="how often")
     series.set(xlabel="time (s)", ylabel="command delay (ms)", title="when")
@@ -70,7 +68,7 @@ def _range(results: Mapping[str, Result]) -> tuple[float, float]:
 def _draw_hops(axes: Any, results: Mapping[str, Result]) -> None:
     names = list(results)
     starts = [0.0] * len(names)
-    for hop, color in zip(HOPS, COLORS, strict=True):
+    for hop, color in zip(HOPS, SERIES, strict=True):
         widths = [median(result.hops[hop] or [0.0]) for result in results.values()]
         axes.barh(names, widths, left=starts, color=color, label=hop)
         starts = [start + width for start, width in zip(starts, widths, strict=True)]

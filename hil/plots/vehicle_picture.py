@@ -3,6 +3,7 @@
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hil.common.palette import SERIES, START
 from hil.plots.plotting import pyplot, save_figure
 from hil.plots.stl import read_stl
 from sim.rotations import from_euler, matrix
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
     from sim.vehicle.fins import Fin
     from sim.vehicle.meshes import Mesh
 
-BODY, ARROW, GRAVITY, BUOYANCY, FIN, BALLAST = "#e3e8ed", "#c2410c", "#1f2937", "#2563eb", "#0f766e", "#7c3aed"
+BODY, GRAVITY = "#e3e8ed", START
+BUOYANCY, ARROW, FIN, BALLAST = SERIES[:4]
 # Cosine above which a thruster counts as pointing towards the viewer or away (circle with a dot or a cross)
 _FACING = 0.9
 
@@ -176,7 +178,7 @@ def _draw_speeds(axes: Any, capabilities: tuple[AxisCapability, ...]) -> None:
             names.append(f"{capability.axis} {way}")
             speeds.append(abs(speed) if capability.driven and abs(speed) < float("inf") else 0.0)
             units.append(("rad/s" if capability.axis == "yaw" else "m/s") if capability.driven else "")
-    colours = ["#0f766e" if unit != "rad/s" else "#7c8ba1" for unit in units]
+    colours = [SERIES[2] if unit != "rad/s" else SERIES[6] for unit in units]
     bars = axes.barh(range(len(names)), speeds, color=colours, height=0.7)
     labels = [f"{speed:.2f} {unit}" if unit else "cannot" for speed, unit in zip(speeds, units, strict=True)]
     axes.bar_label(bars, labels, padding=4, fontsize=9)

@@ -164,7 +164,6 @@ def draw(columns: Sequence[Column], path: str) -> None:
 def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:
     """Draw one figure of each column: its median, the middle half, and its number above."""
     panel.set(xscale="log", title=f"{row.title} ({row.unit})")
-    panel.grid(axis="x", alpha=0.3)
     plotted = []
     for index, column in enumerate(columns):
         figure = column.figures.get(row.name)

@@ -12,7 +12,7 @@ from hil.autonomy.fleets.formation import formation_error
 from hil.autonomy.fleets.hunting import HuntPlan
 from hil.cases.record import Run, Track
 from hil.common.palette import EVENT, GOAL
-from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.plots.plotting import add_legend, curve, pyplot, save_figure
 from hil.scenario.config import load_scenario
 from hil.scenario.fleet import hunt_plan, hunting_of
 
@@ -55,11 +55,9 @@ def _draw_paths(axes: Any, run: Run, plan: HuntPlan) -> None:
     """Draw the paths, the formation at SNAPSHOTS times, the target and the ring."""
     axes.plot(*plan.target, "*", color=GOAL, markersize=14, label="target", linestyle="none")
     axes.add_patch(pyplot().Circle(plan.target, plan.ring, fill=False, color=GOAL, linestyle="--", label="ring"))
-    colours = [f"C{number}" for number in (0, 1, 2, 4, 5, 6, 8, 9)]
     for number, track in enumerate(run.tracks):
-        colour = colours[number % len(colours)]
-        axes.plot(track.north, track.east, color=colour, linewidth=1.3, label=track.name)
-        axes.plot(track.north[0], track.east[0], "o", color=colour, fillstyle="none")
+        axes.plot(track.north, track.east, **curve(number), label=track.name)
+        axes.plot(track.north[0], track.east[0], "o", color=curve(number)["color"], fillstyle="none")
     time = run.tracks[0].time
     for shot in range(SNAPSHOTS):
         at = round(shot * (len(time) - 1) / (SNAPSHOTS - 1))
@@ -98,4 +96,4 @@ def _draw_times(panels: Sequence[Any], run: Run, plan: HuntPlan) -> None:
     panels[1].plot(time, [formation_error(places, plan.starts) for places in instants], color="C0", **style)
     for number, track in enumerate(run.tracks):
         away = [hypot(n - plan.target[0], e - plan.target[1]) for n, e in track.points]
-        panels[2].plot(time, away, color=f"C{(0, 1, 2, 4, 5, 6, 8, 9)[number % 8]}", **style)
+        panels[2].plot(time, away, color=curve(number)["color"], **style)

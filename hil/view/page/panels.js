@@ -70,9 +70,11 @@ export function showThrusters(file, thrusts, pwm, failures) {
       parts.push(svg("rect", {x: -4, y: -11, width: 8, height: 22, rx: 3, fill: "none", stroke: failed ? colour : "var(--line)", "stroke-width": 2, transform: `translate(${x} ${y}) rotate(${turn})`}),
                  svg("rect", {x: -4, y: size > 0 ? -size : 0, width: 8, height: Math.abs(size), rx: 2, fill: colour, transform: `translate(${x} ${y}) rotate(${turn})`}));
     }
-    // Those that push up or down have their number beside them, the others towards the middle: neighbours do not overlap.
-    const isLeft = thruster.position[1] < -0.02, inwards = thruster.position[0] < 0 ? -17 : 24;
-    const place = isUpright ? {x: x + (isLeft ? -14 : 14), y: y + 4, "text-anchor": isLeft ? "end" : "start"} : {x, y: y + inwards, "text-anchor": "middle"};
+    // Numbers stand outside of the hull: beside it, or ahead and astern of it, away from those of the neighbours.
+    const isLeft = thruster.position[1] < -0.02, isBeside = isUpright || Math.abs(x - 135) < 3 || Math.abs(y - 80) < 15;
+    const aside = (isLeft ? -1 : 1) * Math.max(width / 2 * scale + 5, Math.abs(x - 135) + 14), end = length / 2 * scale;
+    const place = isBeside ? {x: 135 + aside, y: y + 4, "text-anchor": isLeft ? "end" : "start"}
+                           : {x: x + (isLeft ? 12 : -12), y: y < 80 ? Math.min(75 - end, y - 13) : Math.max(92 + end, y + 20), "text-anchor": isLeft ? "end" : "start"};
     const text = svg("text", {...place, "font-size": 10, fill: failed ? colour : "currentColor"}, `${number(thrust, 0)} N`);
     text.append(svg("title", {}, `${thruster.name}: ${number(thrust, 1)} N${pwm[k] ? `, ${pwm[k]} us` : ""}${failed ? `, ${failed}` : ""}`));
     parts.push(text);
