@@ -1,7 +1,6 @@
 """Format text to fit the terminal: tables with columns as wide as their widest cell, paragraphs, and help."""
 
 import argparse
-import os
 import re
 import sys
 from collections.abc import Sequence
@@ -114,7 +113,7 @@ def terminal_width() -> int:
 
 def result_width() -> int:
     """Return the width for results: that of the terminal, without limit in a pipe or file, for `grep` and the like."""
-    return terminal_width() if sys.stdout.isatty() or "COLUMNS" in os.environ else MAX_WIDTH
+    return terminal_width() if sys.stdout.isatty() else MAX_WIDTH
 
 
 def _fitted(columns: Sequence[Sequence[str]], total: int) -> list[int]:

@@ -97,7 +97,7 @@ def test_an_endpoint_has_the_gid_of_its_messages(slave: tuple[Program, str]) -> 
 
 
 def _armed(lines: Listener) -> Any:
-    return next((each for each in lines.received if "armed" in each["msg"]), None)
+    return next((each for each in lines.received if each["msg"].startswith("arm: ")), None)
 
 
 def test_lines_of_the_log_are_published_on_rosout(slave: tuple[Program, str]) -> None:
