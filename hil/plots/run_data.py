@@ -8,6 +8,7 @@ from hil.common.vectors import Vector3
 from hil.recording.mcap_file import CLOCK_SHIFT, PULSES, Message
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
+from hil.ros.joints import decode_joints
 from hil.ros.plan import decode_plan
 from sim.rotations import to_euler
 from sim.run_events import RunEvent, events_since
@@ -41,7 +42,8 @@ class VehicleData:
 
     `true` and `measured`: north, east, depth (m), yaw (rad), surge, sway, heave (m/s), yaw rate (rad/s). `commands`:
     surge, sway, heave (m/s), yaw rate (rad/s). `pulses`: one per channel (us). `traced`: times of the samples of
-    `delays`. `events`: the events that the vehicle reported. `tether`: last shape of its tether (NED, m).
+    `delays`. `channels`: names of thrusters, then fins.
+    `events`: the events that the vehicle reported. `tether`: last shape of its tether (NED, m).
     """
 
     def __init__(self) -> None:
@@ -52,6 +54,7 @@ class VehicleData:
         self.traced: list[float] = []
         self.delays = DelayMeter(min_commands=MAX_ROWS)
         self.boot_id = ""
+        self.channels: tuple[str, ...] = ()
         self.events: tuple[RunEvent, ...] = ()
         self.tether: tuple[Vector3, ...] = ()
         self.shift_ns = 0  # of the recorder's wall clock since the start
@@ -120,6 +123,11 @@ def _add_trace(data: VehicleData, message: Message, time: float) -> None:
             data.traced = data.traced[-data.delays.stored :]
 
 
+def _add_channels(data: VehicleData, message: Message, _time: float) -> None:
+    if not data.channels and (joints := decode_joints(message.data)):
+        data.channels = joints.names
+
+
 def _add_tether(data: VehicleData, message: Message, _time: float) -> None:
     data.tether = decode_plan(message.data) or data.tether
 
@@ -137,6 +145,7 @@ _HANDLERS: dict[str, Callable[[VehicleData, Message, float], None]] = {
     "ground_truth": lambda data, message, time: _add_state(data.true, message, time),
     "odom": lambda data, message, time: _add_state(data.measured, message, time),
     "cmd_vel": _add_command,
+    "joint_states": _add_channels,
     PULSES.name: _add_pulses,
     "diagnostics": _add_diagnostics,
     "trace": _add_trace,

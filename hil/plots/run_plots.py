@@ -121,9 +121,9 @@ def _commands(plt: Any, node: str, data: VehicleData) -> Any:
 def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
     """Return a figure of the pulse widths, with one panel per channel."""
     count = len(data.pulses[0]) - 1
-    names = list(run.vehicle.channels) if run else []
+    names = run.vehicle.channels if run else data.channels
     if len(names) != count:
-        names = [f"channel {number}" for number in range(1, count + 1)]
+        names = tuple(f"channel {number}" for number in range(1, count + 1))
     figure, panels = plt.subplots(
         count, 1, figsize=(9, 1.4 + 1.25 * count), sharex=True, sharey=True, squeeze=False, layout="constrained"
     )

@@ -59,10 +59,8 @@ def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Pat
 
 @pytest.mark.parametrize(("text", "output"), [
     ("", "has no soundings: a line must have longitude, latitude and depth"),
-    ("lon,lat,depth\n", "has no soundings"),
     ("lon,lat,colour\n1,2,3\n", "names the columns lon, lat, colour: longitude, latitude"),
     ("1,2,3\n1,2\n", "no sounding in row 2: '1,2'"),
-    ("1,2,3\n1,x,2\n", "no sounding in row 2"),
     ("400000,5900000,12\n", "are not degrees in this order.*latitude,longitude,depth.*east,north,depth"),
 ])  # fmt: skip
 def test_text_without_soundings_is_refused(tmp_path: Path, text: str, output: str) -> None:

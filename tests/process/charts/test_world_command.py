@@ -22,15 +22,12 @@ def chart(folder: Path) -> str:
 
 
 @pytest.mark.usefixtures("own_process")
-def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path) -> None:
     out = str(tmp_path / "worlds" / "bay")
     assert (
         command.main(["build", chart(tmp_path), "--resolution", "20", "-o", out, "--plot", str(tmp_path / "b.png")])
         == 0
     )
-    output = " ".join(capsys.readouterr().out.split())
-    assert f"{out}.toml: gridded in" in output
-    assert "by linear interpolation of the same soundings and contours" in output
     assert (tmp_path / "b.png").stat().st_size > 20_000
     world = load_world(f"{out}.toml")
     assert world.name == "bay"
@@ -69,12 +66,11 @@ def test_lighthouses_and_houses_become_piles_only_where_they_stand_in_water(tmp_
     assert len(dry_piles) == 4, "with the pile and what floats"
 
 
-def test_a_world_is_drawn_and_exported_in_each_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_world_is_drawn_and_exported_in_each_format(tmp_path: Path) -> None:
     assert command.main(["show", "harbour", "-o", str(tmp_path / "h.png"), "--resolution", "4"]) == 0
     assert command.main(["export", "harbour", str(tmp_path / "h.tif")]) == 0
     assert (tmp_path / "h.tif").stat().st_size > 1000
     assert command.main(["export", "harbour", str(tmp_path / "h.pgm"), "--depth", "4", "--resolution", "1"]) == 0
-    assert "% of it free 4 m down" in capsys.readouterr().out
     assert (tmp_path / "h.yaml").exists()
 
 
@@ -82,7 +78,6 @@ def test_a_world_is_drawn_and_exported_in_each_format(tmp_path: Path, capsys: py
     (["export", "harbour", "h.obj"], r"h.obj: no format .obj: .pgm, .tif"),
     (["export", "harbour", "h.pgm"], "--depth M goes with a map"),
     (["list", "no_such_folder"], "no_such_folder: no such folder"),
-    (["build", "x.000", "-o", "w", "--resolution", "0"], "--resolution: expected a number from 0.05 to 10000 m"),
     (["build", "x.000", "-o", "w", "--area", "1,2,3"], "expected SOUTH,WEST,NORTH,EAST in degrees"),
     (["build", "x.000", "-o", "w", "--area", "60,2,50,3"], "south to north growing, from west to east"),
     (["build", "x.000", "-o", "w"], "x.000: the chart cannot be read"),
@@ -109,7 +104,6 @@ def test_installed_and_own_worlds_are_listed(
     output = capsys.readouterr().out
     for name in ("pool", "slope", "ridge", "fractal", "harbour", str(tmp_path / "own.toml")):
         assert name in output
-    assert "25 m grid" in output
     assert main(["world", "list", str(tmp_path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)[-1]["grid"] == 25.0
 

@@ -190,5 +190,6 @@ def test_the_data_of_the_figures_match_the_flight(dive: tuple[Path, Path, str]) 
         assert (north - 4) ** 2 + (east - 4) ** 2 > 0.2
         assert depth > 2.05
         assert {len(row) for row in data.pulses} == {7}
+        assert (data.channels[0], len(data.channels)) == ("front_right", 6)
     assert len(own.pulses) > 5 * len(received.pulses), "the slave's own have every change"
     assert received.true[0][1:] in [row[1:] for row in own.true], "a recorder may come after the first"

@@ -6,9 +6,7 @@ from typing import Any
 
 import pytest
 
-from hil.common.errors import ConfigError
 from hil.plots.force_log import AXES, Flight
-from hil.plots.plotting import pyplot
 from sim.dynamics import Forces
 from sim.environment.world import load_world
 from sim.simulation import Simulation
@@ -75,7 +73,7 @@ def test_forces_in_contact_add_up_to_mass_times_acceleration(tmp_path: Path) -> 
     assert pressed["thrusters_x_n"] > 10.0
 
 
-def test_the_flight_picture_is_drawn_and_errors_are_reported(flown: Flight, tmp_path: Path) -> None:
+def test_the_flight_picture_is_drawn(flown: Flight, tmp_path: Path) -> None:
     drawn: list[Any] = []
 
     def draw_track(*given: Any) -> None:
@@ -85,8 +83,3 @@ def test_the_flight_picture_is_drawn_and_errors_are_reported(flown: Flight, tmp_
     ((axes, east, north),) = drawn
     assert (axes.get_title("left"), len(east), len(north)) == ("track from above", 41, 41)
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(ConfigError, match=r"nowhere/flight\.png: cannot be written"):
-        flown.draw(str(tmp_path / "nowhere" / "flight.png"), draw_track)
-    assert not pyplot().get_fignums()
-    with pytest.raises(ConfigError, match=r"nowhere/flight\.csv: cannot be written"):
-        flown.write(str(tmp_path / "nowhere" / "flight.csv"))
