@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.cases.record import Result, Run
 from hil.common.palette import GOAL, NAVIGATION, PATH, TRACK
-from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.plots.plotting import add_legend, finish_map, pyplot, save_figure
 from hil.plots.run_picture import draw_goal, draw_start, draw_world
 from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import load_world
@@ -28,7 +28,6 @@ def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
     scenario = load_scenario(runs[0].scenario)
     world = load_world(scenario.world)
     draw_world(field, world)
-    field.set(xlim=world.extent[2:], ylim=world.extent[:2], xlabel="east (m)", ylabel="north (m)", aspect="equal")
     for number, run in enumerate(runs):
         for track in run.tracks:
             if number == 0 and track.plan:
@@ -39,8 +38,8 @@ def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
                 track.east, track.north, color=COLOURS[run.result.mode], linewidth=1.4, label=f"track (true), {name}"
             )
     _mark(field, scenario)
-    field.set(title="from above, at the vehicle's depth")
-    add_legend(field)
+    field.set(xlim=world.extent[2:], ylim=world.extent[:2], title="from above, at the vehicle's depth")
+    finish_map(field)
     draw_speeds(speed, runs)
     save_figure(figure, path)
 
@@ -57,18 +56,12 @@ def _mark(axes: Any, scenario: Scenario) -> None:
 def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
     """Draw the commanded and the true surge velocity over time."""
     for run in runs:
-        for number, track in enumerate(run.tracks):
+        for track in run.tracks:
             colour, name = COLOURS[run.result.mode], run.result.mode.upper()
-            is_first = number == 0
             axes.plot(
-                track.time,
-                track.commanded_surge,
-                color=colour,
-                linewidth=0.7,
-                alpha=0.45,
-                label=f"{name}, commanded" if is_first else None,
+                track.time, track.commanded_surge, color=colour, linewidth=0.7, alpha=0.45, label=f"{name}, commanded"
             )
-            axes.plot(track.time, track.surge, color=colour, linewidth=1.1, label=name if is_first else None)
+            axes.plot(track.time, track.surge, color=colour, label=name)
     axes.set(xlabel="time (s)", ylabel="surge (m/s)", xlim=(0, None), title="surge velocity")
     add_legend(axes)
 

@@ -87,7 +87,7 @@ def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
 def _size(wide: float, high: float) -> tuple[float, float]:
     """Return the size of the figure in inches: 11 for the longer side of the map, plus room for scales and legend."""
     inch = 11.0 / max(wide, high)
-    return max(6.0, wide * inch + 3.6), max(4.0, high * inch + 1.2)
+    return max(6.0, wide * inch + 4.2), max(4.0, high * inch + 1.2)
 
 
 def _thin(grid: Grid, most: int) -> Grid:
