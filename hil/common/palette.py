@@ -1,6 +1,6 @@
-"""Colours of all pictures, as #rrggbb: told apart by colour-blind readers, and by their brightness in grey print.
+"""Colours of all pictures, as #rrggbb, that colour-blind readers tell apart.
 
-Lines and marks: M. Okabe and K. Ito, Color Universal Design (2008). What two colours leave open, dashes and marks say.
+Lines and marks: M. Okabe and K. Ito, Color Universal Design (2008). In grey print dashes and marks tell them apart.
 """
 
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#6b7280")  # curves, in their order
