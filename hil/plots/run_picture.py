@@ -26,6 +26,8 @@ from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 from sim.run_events import RunEvent
 
+MOST_CELLS = 2000  # of land along a side of a map; larger grids are thinned
+
 
 def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent] = ()) -> str:
     """Draw a run's `track.csv` and events as `trajectory.png` beside it; return its path. Raises MissingExtraError."""
@@ -108,9 +110,8 @@ def draw_goal(axes: Any, scenario: Scenario) -> None:
 
 def draw_depths(axes: Any, scenario: Scenario) -> None:
     """Draw the depths of the mission's goal and its waypoints."""
-    for number, depth in enumerate({scenario.master.depth, *(place[2] for place in scenario.master.places())}):
-        label = "" if number else "commanded"
-        axes.axhline(depth, color=COMMANDED, linewidth=0.8, linestyle="--", label=label)
+    for depth in {scenario.master.depth, *(place[2] for place in scenario.master.places())}:
+        axes.axhline(depth, color=COMMANDED, linewidth=0.8, linestyle="--", label="commanded")
 
 
 def draw_world(axes: Any, world: World) -> None:
@@ -127,9 +128,10 @@ def draw_world(axes: Any, world: World) -> None:
     axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
     if world.terrain:
         grid = world.terrain.grid
-        dry = ~(np.reshape(world.terrain.depths, (grid.rows, grid.columns)) > 0.0)
-        corner = (grid.north_min - 0.5 * grid.resolution, grid.east_min - 0.5 * grid.resolution)
-        _draw_cells(axes, dry, corner, grid.resolution, LAND, "land", 0.7)
+        step = -(-max(grid.rows, grid.columns) // MOST_CELLS)
+        dry = ~(np.reshape(world.terrain.depths, (grid.rows, grid.columns))[::step, ::step] > 0.0)
+        size = step * grid.resolution
+        _draw_cells(axes, dry, (grid.north_min - 0.5 * size, grid.east_min - 0.5 * size), size, LAND, "land", 0.7)
     triangles = [triangle for mesh in world.mesh for triangle in np.reshape(mesh.placed, (-1, 3, 3))[..., 1::-1]]
     if triangles:
         axes.add_collection(PolyCollection(triangles, color=OBSTACLE, label="obstacle", zorder=1), autolim=False)
