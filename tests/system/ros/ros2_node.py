@@ -16,6 +16,7 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
+from rclpy.node import NodeNameNonExistentError
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -65,7 +66,10 @@ def graph(node: Any) -> dict[str, Any]:
 
 
 def services(node: Any) -> dict[str, list[str]]:
-    return dict(node.get_service_names_and_types_by_node("uuv1", "/"))
+    try:
+        return dict(node.get_service_names_and_types_by_node("uuv1", "/"))
+    except NodeNameNonExistentError:  # it has left, as where another bridge takes over
+        return {}
 
 
 def load(name: str) -> Any:
