@@ -12,7 +12,7 @@ from sim.vehicle.vehicle import load_vehicle
 
 # What a vehicle is asked that can stop and turn, and what one that has to keep moving.
 FIELD, OPEN = "paper_field", "open_water"
-NAMES = preset_names("sim/vehicles")
+NAMES = [name for name in preset_names("sim/vehicles") if not load_vehicle(name)[0].hull]  # those with a hull float
 LIMITS = {name: load_vehicle(name)[0].attitude_limit_speed for name in NAMES}
 # Those that steer by fins pitch in order to dive, and need room.
 SWIMMERS = [name for name in NAMES if load_vehicle(name)[0].fins]
