@@ -92,8 +92,8 @@ def test_a_saturated_vehicle_recovers_within_seconds(name: str) -> None:
     assert min(moment.nu[1] for moment in recovery) > 0.1 - 0.35 * jump
 
 
-VEHICLES = {name: load_vehicle(name)[0] for name in preset_names("sim/vehicles")}
-THRUSTER_DRIVEN = [name for name, each in VEHICLES.items() if not each.fins and not each.hull]  # a hull floats
+PRESETS = {name: load_vehicle(name)[0] for name in preset_names("sim/vehicles")}
+THRUSTER_DRIVEN = [name for name, each in PRESETS.items() if not each.fins and not each.hull]  # a hull floats
 
 
 @pytest.mark.parametrize("name", THRUSTER_DRIVEN)
