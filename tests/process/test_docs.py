@@ -35,7 +35,7 @@ RUNNERS = {
     "docs/tutorials/ros1.md": "tests/system/gateways/test_ros1_debian.py",
     "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
     "docs/reference/links.md": "beside an STM32", "docs/reference/sensors.md": "alone",
-    "docs/how-to/record.md": "tests/system/docs/test_how_to.py",
+    "docs/how-to/record.md": "tests/system/docs/test_how_to_more.py",
     "docs/how-to/charts.md": "test_the_example_of_a_route_along_a_pipeline_runs",
 }  # fmt: skip
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.followed import follow, pages
-from tests.system.docs import test_tutorials
+from tests.system.docs import test_how_to_more, test_tutorials, test_tutorials_machines
 
 # How many commands of a page are typed at least, so that a page that is skipped is noticed.
 TYPED = {
@@ -18,18 +18,6 @@ TYPED = {
     "docs/how-to/control.md": 2,
     "docs/how-to/disturbances.md": 4,
     "docs/how-to/editor.md": 1,
-    "docs/how-to/fleets.md": 3,
-    "docs/how-to/foxglove.md": 6,
-    "docs/how-to/gazebo.md": 5,
-    "docs/how-to/imaging.md": 5,
-    "docs/how-to/live_view.md": 5,
-    "docs/how-to/matlab.md": 3,
-    "docs/how-to/pixhawk.md": 0,
-    "docs/how-to/plugins.md": 0,
-    "docs/how-to/px4.md": 0,
-    "docs/how-to/qgroundcontrol.md": 4,
-    "docs/how-to/record.md": 6,
-    "docs/how-to/ros2.md": 0,
 }
 # Pages whose programs another test runs.
 ELSEWHERE = {
@@ -44,7 +32,8 @@ ELSEWHERE = {
 
 
 def test_every_page_is_followed_by_a_test() -> None:
-    assert sorted(pages()) == sorted([*ELSEWHERE, *TYPED, *test_tutorials.TYPED])
+    files = (test_how_to_more, test_tutorials, test_tutorials_machines)
+    assert sorted(pages()) == sorted([*ELSEWHERE, *TYPED, *(page for file in files for page in file.TYPED)])
 
 
 @pytest.mark.timeout(1200)

@@ -10,15 +10,9 @@ from tests.support.followed import follow
 TYPED = {
     "docs/tutorials/first_flight.md": 1,
     "docs/tutorials/own_scenario.md": 5,
-    "docs/tutorials/zero_to_dive.md": 3,
     "docs/tutorials/own_vehicle.md": 7,
     "docs/tutorials/own_planner.md": 4,
     "docs/tutorials/own_sensor.md": 5,
-    "docs/tutorials/matlab.md": 2,
-    "docs/tutorials/two_machines.md": 3,
-    "docs/tutorials/real_stm32.md": 9,
-    "docs/tutorials/ros2.md": 5,
-    "docs/tutorials/own_board.md": 5,
 }
 
 
