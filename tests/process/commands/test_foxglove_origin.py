@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
@@ -79,15 +80,13 @@ def test_a_malformed_message_gets_an_error_and_the_connection_continues(server: 
 
 
 def test_the_number_of_clients_is_limited(server: FoxgloveServer) -> None:
-    sockets = [opened(server) for _ in range(MAX_CLIENTS)]
-    for socket in sockets:
-        messages(socket, "serverInfo")
-    with opened(server) as late_client:
+    with ExitStack() as stack:
+        for socket in [stack.enter_context(opened(server)) for _ in range(MAX_CLIENTS)]:
+            messages(socket, "serverInfo")
+        late_client = stack.enter_context(opened(server))
         assert late_client.recv_events is not None
         with pytest.raises(Exception, match="32 clients are here already"):
             late_client.recv(30)
-    for socket in sockets:
-        socket.close()
 
 
 def test_a_client_that_does_not_read_loses_old_messages_and_does_not_block_others(server: FoxgloveServer) -> None:
