@@ -45,7 +45,7 @@ PARTS: dict[str, Part] = {
     "test": Part(("tests/process",), at_once=3, beside=("tests/unit",)),
     "search": Part(("-m", "hypothesis", "--hypothesis-profile=search"), at_once=2),
     "lint": Part(modules=(("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))),
-    "system": Part(("tests/system",), at_once=3),
+    "system": Part(("tests/system",), at_once=2),
     "uml": Part(("tests/system/uml",)),
     # One emulated board after the other: two at a time are starved of their processors. They boot for minutes.
     "board": Part(("-m", "board", "tests/system/boards"), again=False),
