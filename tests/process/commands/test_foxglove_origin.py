@@ -26,7 +26,9 @@ def server() -> Iterator[FoxgloveServer]:
 
 
 def opened(server: FoxgloveServer, query: str = "", **options: Any) -> ClientConnection:
-    return connect(f"ws://127.0.0.1:{server.port}/{query}", subprotocols=[Subprotocol("foxglove.sdk.v1")], **options)
+    address, protocols = f"ws://127.0.0.1:{server.port}/{query}", [Subprotocol("foxglove.sdk.v1")]
+    socket: ClientConnection = connect(address, subprotocols=protocols, **options)
+    return socket
 
 
 def messages(socket: Any, last: str) -> list[dict[str, Any]]:
