@@ -63,6 +63,20 @@ def write_scenario(
     return path, port
 
 
+def write_blind_mission(folder: Path) -> Path:
+    """Write a mission straight ahead into the pool's wall, by the planner `blind.py`, which ignores the map."""
+    path, _ = write_scenario(folder)
+    (folder / "blind.py").write_text(
+        "from hil.autonomy.control.controller import VelocityCommand\n"
+        "from hil.master.planner import Done, Planner\n\n\n"
+        "class Blind(Planner):\n"
+        "    def command(self, time, samples):\n"
+        "        return Done('there') if time > 12.0 else VelocityCommand(surge=0.8, heading=0.0, depth=2.0)\n"
+    )
+    path.write_text(path.read_text() + '[planner]\nclass = "blind:Blind"\n')
+    return path
+
+
 class Program:
     """`uuv-hil ...` in a process, with its output in a file. Use as a context, which ends it.
 

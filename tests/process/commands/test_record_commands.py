@@ -20,7 +20,7 @@ from hil.recording.recorder import Recorder
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS
 from hil.scenario.records import Recording
-from tests.support.network.recorded_dive import command_for, own_recording, recorded_slave
+from tests.support.network.recorded_dive import record_dive
 from tests.support.processes import Program, free_port, run_here, wait_for, write_scenario
 
 SENSORS = {"imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_truth"}
@@ -28,19 +28,7 @@ SENSORS = {"imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_tr
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
-    """Record a short dive: the slave's own recording, that of `uuv-hil recording make`, and the latter's output."""
-    folder = tmp_path_factory.mktemp("dive")
-    scenario, endpoint = recorded_slave(folder, "seed = 5")
-    received = folder / "received"
-    with Program(folder, "recording", "make", "--scenario", scenario, "-o", received) as record:
-        record.expect("recording tcp")
-        with Program(folder, "slave", scenario) as slave:
-            slave.expect("recording into .*uuv1-")
-            command_for(endpoint, 2.2)
-            assert slave.stop(signal.SIGTERM) == 0
-        time.sleep(0.3)
-        assert record.stop(signal.SIGINT) == 0, record.output
-    return own_recording(folder / "recordings"), received, record.output
+    return record_dive(tmp_path_factory.mktemp("dive"))
 
 
 def test_both_recordings_hold_the_same_messages_of_all_topics(dive: tuple[Path, Path, str]) -> None:

@@ -26,17 +26,10 @@ from tests.support.clients.imaging_slave import (
     has_all,
     start,
     wait_for,
-    watched_slave,
 )
 from tests.support.processes import ROOT, Program, write_scenario
 
 pytestmark = pytest.mark.timeout(280)
-
-
-@pytest.fixture
-def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
-    with watched_slave(tmp_path) as watched:
-        yield watched
 
 
 @pytest.fixture(scope="module")

@@ -5,22 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.processes import Program, write_scenario
+from tests.support.processes import Program, write_blind_mission
 
 
 @pytest.fixture
 def into_wall(tmp_path: Path) -> Path:
-    """Return a mission straight ahead into the pool's wall, by a planner that ignores the map."""
-    path, _ = write_scenario(tmp_path)
-    (tmp_path / "blind.py").write_text(
-        "from hil.autonomy.control.controller import VelocityCommand\n"
-        "from hil.master.planner import Done, Planner\n\n\n"
-        "class Blind(Planner):\n"
-        "    def command(self, time, samples):\n"
-        "        return Done('there') if time > 12.0 else VelocityCommand(surge=0.8, heading=0.0, depth=2.0)\n"
-    )
-    path.write_text(path.read_text() + '[planner]\nclass = "blind:Blind"\n')
-    return path
+    return write_blind_mission(tmp_path)
 
 
 @pytest.mark.parametrize("arguments", [("sim", "--fast"), ("demo", "--output", "FOLDER")])

@@ -1,9 +1,7 @@
 """Figures of a recording, and the recording of a master."""
 
 import os
-import signal
 import sys
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import pytest
 from hil.recording.reader import read_about, read_messages
 from hil.recording.recorder import Recorder
 from hil.scenario.records import Recording
-from tests.support.network.recorded_dive import command_for, own_recording, recorded_slave
+from tests.support.network.recorded_dive import record_dive, recorded_slave
 from tests.support.processes import Program, free_port, run_here
 
 FORCE = """
@@ -24,19 +22,7 @@ class Force:
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
-    """Record a short dive: the slave's own recording, that of `uuv-hil recording make`, and the latter's output."""
-    folder = tmp_path_factory.mktemp("dive")
-    scenario, endpoint = recorded_slave(folder, "seed = 5")
-    received = folder / "received"
-    with Program(folder, "recording", "make", "--scenario", scenario, "-o", received) as record:
-        record.expect("recording tcp")
-        with Program(folder, "slave", scenario) as slave:
-            slave.expect("recording into .*uuv1-")
-            command_for(endpoint, 2.2)
-            assert slave.stop(signal.SIGTERM) == 0
-        time.sleep(0.3)
-        assert record.stop(signal.SIGINT) == 0, record.output
-    return own_recording(folder / "recordings"), received, record.output
+    return record_dive(tmp_path_factory.mktemp("dive"))
 
 
 def test_no_command_loads_classes_of_a_recording_without_permission(

@@ -8,7 +8,6 @@ import pytest
 
 from hil.client.client import VehicleClient
 from hil.recording.reader import read_messages
-from hil.recording.tap import ONE_THREAD
 from hil.ros.diagnostics import or_nan
 from tests.support.clients.imaging_slave import (
     PICTURES,
@@ -28,19 +27,6 @@ pytestmark = pytest.mark.timeout(280)
 def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
     with watched_slave(tmp_path) as watched:
         yield watched
-
-
-@pytest.fixture(scope="module")
-def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VehicleClient]:
-    """Provide a master that receives every picture of a slave, shared by tests that do not disturb it.
-
-    The environment sets the single library thread of a recorder, with which a slave used to pass on no sonar image.
-    """
-    program, endpoint = start(tmp_path_factory.mktemp("watched"), environment={"ZENOH_RUNTIME": ONE_THREAD})
-    with program, VehicleClient(endpoint, "uuv1") as client:
-        client.watch(*PICTURES)
-        assert wait_for(lambda: has_all(client)), program.output
-        yield client
 
 
 def imaging_pid(client: VehicleClient) -> int:
