@@ -14,7 +14,7 @@ PIECES = re.compile(r" +|[^ /]*/|[^ /]+")  # pieces that are kept on one line if
 COLOUR = re.compile(r"\x1b\[[\d;]*m")  # as Python 3.14 and later write it into a usage
 OPTION_VALUE = re.compile(r"(?<![\w-])(--?[\w-]+) (?=[^\[| ])")  # the space between an option and its value
 MIN_WIDTH = 6  # minimum width of a column, in characters
-MAX_WIDTH = 100_000  # of a line that nobody looks at
+MAX_WIDTH = 100_000  # characters of a line that a program reads
 
 
 def aligned(
