@@ -41,7 +41,7 @@ def combinations(vary: list[str]) -> list[Changes]:
     return [dict(choice) for choice in itertools.product(*axes)]
 
 
-class Advance:
+class RunProgress:
     """How far the runs of a campaign are: a byte in a file for each, in per cent, which its worker writes."""
 
     def __init__(self, path: str, runs: int) -> None:
@@ -54,8 +54,8 @@ class Advance:
         with open(self._path, "rb") as file:
             return sum(file.read()) / (100.0 * self._runs)
 
-    def note(self, number: int, share: float) -> None:
-        """Note how much of a run is flown, 0 to 1."""
+    def write(self, number: int, share: float) -> None:
+        """Write how much of a run is flown, 0 to 1."""
         with open(self._path, "r+b") as file:
             file.seek(number)
             file.write(bytes([round(100.0 * min(max(share, 0.0), 1.0))]))
@@ -86,14 +86,14 @@ def run_one(scenario_name: str, changes: Changes, seed: int, note: Callable[[flo
 
 
 def run_all(
-    scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, advance: Advance
+    scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, progress: RunProgress
 ) -> Generator[tuple[int, Row], None, None]:
     """Run each set with each seed; yield the number of each run and its row, as it ends. Raises MissingExtraError."""
     pairs = enumerate(itertools.product(sets, range(1, seeds + 1)))
-    return run_parallel(_run_numbered, [(advance, number, scenario, *pair) for number, pair in pairs], jobs)
+    return run_parallel(_run_numbered, [(progress, number, scenario, *pair) for number, pair in pairs], jobs)
 
 
-def _run_numbered(advance: Advance, number: int, scenario: str, changes: Changes, seed: int) -> tuple[int, Row]:
-    row = run_one(scenario, changes, seed, partial(advance.note, number))
-    advance.note(number, 1.0)
+def _run_numbered(progress: RunProgress, number: int, scenario: str, changes: Changes, seed: int) -> tuple[int, Row]:
+    row = run_one(scenario, changes, seed, partial(progress.write, number))
+    progress.write(number, 1.0)
     return number, row

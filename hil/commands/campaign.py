@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from contextlib import closing
 
-from hil.cases.campaign import METRICS, Advance, Changes, Row, combinations, run_all
+from hil.cases.campaign import METRICS, Changes, Row, RunProgress, combinations, run_all
 from hil.cases.table import write_rows
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
@@ -30,7 +30,8 @@ examples:
   uuv-hil campaign paper_field --vary sensors.odometry.horizontal.bias=0.1,0.5,1.0 --seeds 5
 """
 MAX_RUNS = 1_000_000
-UPDATE_S = 0.5  # between two looks at the progress
+UPDATE_S = 0.5  # between two readings of the progress
+LEAST_SHARE = 0.001  # of all runs, from which the time that is left can be estimated
 
 
 def main(arguments: list[str]) -> int:
@@ -70,18 +71,18 @@ def _run(scenario: str, sets: Sequence[Changes], options: argparse.Namespace) ->
 
     def watch() -> None:
         while not ended.wait(UPDATE_S):
-            if share := advance.share():
+            if (share := progress.share()) >= LEAST_SHARE:
                 left_s = (time.monotonic() - began) * (1.0 / share - 1.0)
                 line.show(f"{len(rows)}/{count} runs, {share:.0%}, {left_s:.0f} s left")
         line.clear()
 
     with ScratchFolder("campaign") as folder:
-        advance = Advance(folder.file("advance"), count)
+        progress = RunProgress(folder.file("progress"), count)
         watcher = threading.Thread(target=watch)
         watcher.start()
         interrupted = False
         try:
-            with closing(run_all(scenario, sets, options.seeds, options.jobs, advance)) as results:
+            with closing(run_all(scenario, sets, options.seeds, options.jobs, progress)) as results:
                 rows.update(results)
         except KeyboardInterrupt:
             interrupted = True

@@ -9,7 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from hil.cases.campaign import Advance, combinations, run_one
+from hil.cases.campaign import RunProgress, combinations, run_one
 from hil.cli import main
 from hil.commands import campaign
 from tests.support.processes import Program, command_line, wait_for, write_scenario
@@ -68,19 +68,19 @@ def test_a_run_that_fails_is_a_row(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_the_progress_counts_what_is_flown_of_each_run(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
-    advance = Advance(str(tmp_path / "advance"), 2)
+    progress = RunProgress(str(tmp_path / "progress"), 2)
     shares: list[float] = []
 
     def note(share: float) -> None:
         shares.append(share)
-        advance.note(1, share)
+        progress.write(1, share)
 
     assert run_one(str(scenario), {}, 1, note)["success"]
     assert len(shares) > 10
     assert shares == sorted(shares)
-    assert 0.4 < advance.share() <= 0.5
-    advance.note(0, 1.0)
-    assert advance.share() > 0.9
+    assert 0.4 < progress.share() <= 0.5
+    progress.write(0, 1.0)
+    assert progress.share() > 0.9
 
 
 def test_no_worker_outlives_the_campaign(tmp_path: Path) -> None:
