@@ -15,6 +15,7 @@ from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 from hil.common.options import JOBS, SEEDS, add_json, add_output, add_scenario, changes_of, new_parser
 from hil.common.scratch import ScratchFolder
+from hil.common.stop import ctrl_c_held_back
 from hil.common.streams import ProgressLine
 from hil.common.text import json_text
 from hil.scenario.config import load_single
@@ -79,7 +80,8 @@ def _run(scenario: str, sets: Sequence[Changes], options: argparse.Namespace) ->
     with ScratchFolder("campaign") as folder:
         progress = RunProgress(folder.file("progress"), count)
         watcher = threading.Thread(target=watch)
-        watcher.start()
+        with ctrl_c_held_back():  # or this thread would get it while the workers are started
+            watcher.start()
         interrupted = False
         try:
             with closing(run_all(scenario, sets, options.seeds, options.jobs, progress)) as results:
