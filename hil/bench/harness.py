@@ -1,6 +1,6 @@
-"""Common part of benchmarks: start processes of a scenario in a folder, pinned or limited, and stop them cleanly.
+"""Common part of benchmarks: start processes of a scenario in a folder, and stop them cleanly.
 
-with Bench("paper_field", {"link.protocol": "vesc"}, Limits(cpus=(0,))) as bench:
+with Bench("paper_field", {"link.protocol": "vesc"}, ["taskset", "-c", "0"]) as bench:
     slave = bench.start_slave()
     with bench.client() as client:
         ...
@@ -8,13 +8,14 @@ with Bench("paper_field", {"link.protocol": "vesc"}, Limits(cpus=(0,))) as bench
 
 import os
 import select
+import shlex
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any
 
-from hil.bench.limits import Confinement, Limits
 from hil.bench.processes import family
 from hil.client.client import VehicleClient
 from hil.common.children import module_command, package_environment, start_child
@@ -51,30 +52,20 @@ class Process:
         self,
         command: list[str],
         log: str = "",
-        confinement: Confinement | None = None,
         environment: dict[str, str] | None = None,
         pass_fds: tuple[int, ...] = (),
     ) -> None:
         self.log = log
-        self._memory_mib = confinement.limits.memory_mib if confinement else 0.0
-        cpus = confinement.limits.cpus if confinement else ()
-        before = os.sched_getaffinity(0)
         with open(log, "w", encoding="utf-8") if log else nullcontext() as file:
-            if cpus:
-                os.sched_setaffinity(0, cpus)  # which the new process inherits
-            try:
-                self.exec_ns = now_ns()
-                self._process = start_child(
-                    confinement.command(command) if confinement else command,
-                    environment=_environment(self.exec_ns, environment or {}),
-                    pass_fds=pass_fds,
-                    stdin=subprocess.DEVNULL,
-                    stdout=file,
-                    stderr=file and subprocess.STDOUT,
-                )
-            finally:
-                if cpus:
-                    os.sched_setaffinity(0, before)
+            self.exec_ns = now_ns()
+            self._process = start_child(
+                command,
+                environment=_environment(self.exec_ns, environment or {}),
+                pass_fds=pass_fds,
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=file and subprocess.STDOUT,
+            )
         self.pid = self._process.pid
 
     def __enter__(self) -> "Process":
@@ -109,8 +100,6 @@ class Process:
             how = f"ended with exit code {code}"
         else:
             how = f"was ended by signal {-code} ({signal_name(-code)})"
-        if code == -signal.SIGKILL and self._memory_mib:
-            how += f", perhaps as it needs more than the {self._memory_mib:.0f} MiB of --memory"
         return f"{how}; its last output: {self.last_line}"
 
     def expect(self, word: str, seconds: float) -> str:
@@ -166,54 +155,36 @@ def _environment(exec_ns: int, more: dict[str, str]) -> dict[str, str]:
 class Bench:
     """Folder and processes of one measurement. Use as a context, which ends the processes and removes the folder.
 
-    scenario: name or path; `changes` to it by dotted key. `limits` apply to the slave. `scenario` and `path` are the
-    changed one, `processes` those that were started. A share of a processor does not limit a real-time process: under
-    such a limit the slave runs without real-time scheduling. Raises ConfigError.
+    scenario: name or path; `changes` to it by dotted key. under: command that runs the slave, such as `taskset -c 0`.
+    `scenario` and `path` are the changed one, `processes` those that were started. Raises ConfigError.
     """
 
-    def __init__(self, scenario: str, changes: dict[str, Any] | None = None, limits: Limits = Limits()) -> None:
-        self._confinement = Confinement(limits)
+    def __init__(self, scenario: str, changes: dict[str, Any] | None = None, under: Sequence[str] = ()) -> None:
+        self._under = under
         self.processes: list[Process] = []
         self.endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
         self._scratch = ScratchFolder("bench")
         self.folder = self._scratch.path
-        own_changes: dict[str, Any] = {"slave.listen": self.endpoint}
-        if limits.cpu_share:
-            own_changes["slave.realtime"] = False
         try:
             load_single(scenario, remedy=ONE_VEHICLE)
-            self.path = write_variant(scenario, self.folder, own_changes | (changes or {}))
+            self.path = write_variant(scenario, self.folder, {"slave.listen": self.endpoint} | (changes or {}))
             self.scenario: Scenario = load_scenario(self.path)
         except BaseException:
             self._scratch.close()
             raise
 
     def __enter__(self) -> "Bench":
-        try:
-            self._confinement.__enter__()
-        except BaseException:
-            self._scratch.close()
-            raise
         return self
 
     def __exit__(self, *_: object) -> None:
         for process in reversed(self.processes):
             process.stop()
-        self._confinement.__exit__()
         self._scratch.close()
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Return the labels of figures that are measured here."""
-        limits, by = self._confinement.limits, self._confinement.by
-        cached = "files in the page cache not counted" if limits.memory_mib else ""
-        how = ", ".join(filter(None, (by, cached, "no real-time scheduling" if limits.cpu_share else "")))
-        return (f"{limits.label} ({how})" if how else limits.label,) if limits.label else ()
-
-    @property
-    def memory_mib(self) -> float:
-        """The slave's limit of memory, 0 if it has none."""
-        return self._confinement.limits.memory_mib
+        return (f"limited: run by {shlex.join(self._under)}",) if self._under else ()
 
     def file(self, name: str) -> str:
         """Return the path of a file in the folder."""
@@ -221,9 +192,9 @@ class Bench:
 
     def start_slave(self, *options: str, environment: dict[str, str] | None = None) -> Process:
         """Start the scenario's slave; do not wait for it."""
-        command = [*program(), "slave", self.path, *options]
+        command = [*self._under, *program(), "slave", self.path, *options]
         log = self.file(f"slave-{len(self.processes)}.log")
-        return self._start(Process(command, log, self._confinement, environment))
+        return self._start(Process(command, log, environment))
 
     def start_master(self, *options: str, endpoint: str = "") -> Process:
         """Start the scenario's master, which flies its mission; return when it connects."""
@@ -245,9 +216,9 @@ class Bench:
         return process
 
     def start(self, name: str, command: list[str], limited: bool = False) -> Process:
-        """Start another process, which ends with the rest; pinned and limited as the slave only if `limited`."""
+        """Start another process, which ends with the rest; run as the slave only if `limited`."""
         log = self.file(f"{name}-{len(self.processes)}.log")
-        return self._start(Process(command, log, self._confinement if limited else None))
+        return self._start(Process([*self._under, *command] if limited else command, log))
 
     def client(self, endpoint: str = "", **options: Any) -> VehicleClient:
         """Return a master in this process."""

@@ -1,14 +1,13 @@
 """Measure CPU and memory of slaves over time, by sensors, rates and number of vehicles."""
 
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, Process, await_vehicle
-from hil.bench.limits import Limits
 from hil.bench.presence import check_end, check_present, simulation_of
 from hil.bench.processes import Threads, read_threads, role, shares, thread_names
 from hil.bench.statistics import median, spread
@@ -82,11 +81,13 @@ def impossible(setting: Setting, scenario: str) -> str:
     return ""
 
 
-def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: Callable[[float], None]) -> Course:
+def run(
+    setting: Setting, scenario: str, seconds: float, under: Sequence[str], watch: Callable[[float], None]
+) -> Course:
     """Command slaves for `seconds`; `watch` is called with the progress (0 to 1). Raises HilError."""
     with ExitStack() as stack:
         benches = [
-            stack.enter_context(Bench(scenario, {**setting.changes, "slave.node": f"uuv{number + 1}"}, limits))
+            stack.enter_context(Bench(scenario, {**setting.changes, "slave.node": f"uuv{number + 1}"}, under))
             for number in range(setting.vehicles)
         ]
         slaves = [bench.start_slave() for bench in benches]

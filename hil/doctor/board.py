@@ -7,7 +7,6 @@ from boards import model
 from boards.health import governors, temperature, throttling
 from boards.resources import available_memory_mib
 from boards.tree import architecture
-from hil.bench.limits import REMEDIES
 from hil.common.clock import LOOP_PRIORITY
 from hil.doctor.findings import Case, Finding, parse_hexadecimal, parse_number, realtime_remedy, user_prefix
 from hil.install.units import UNIT
@@ -16,6 +15,10 @@ CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23  # capabilities(7)
 NEARLY_HOT = 5.0  # K below the temperature at which the board throttles
 LIMITS, STATUS = "/proc/self/limits", "/proc/self/status"
 CGROUPS = "/sys/fs/cgroup"
+MEMORY_REMEDY = (
+    "take cgroup_disable=memory out of the kernel's command line; on a Raspberry Pi, add cgroup_enable=memory to the "
+    "line in /boot/firmware/cmdline.txt; and reboot"
+)
 ACTIVE_DRIVERS = ("intel_pstate", "amd-pstate-epp")  # with these drivers "powersave" does not limit the clock
 
 
@@ -41,7 +44,7 @@ def check_memory_limit(case: Case) -> Iterator[Finding]:
         is_enabled = "cgroup_disable=memory" not in words or "cgroup_enable=memory" in words
     if not is_enabled:
         text = "the kernel's memory controller is off: MemoryMax= of the service has no effect"
-        yield Finding("note", "memory limit", text, REMEDIES["memory"])
+        yield Finding("note", "memory limit", text, MEMORY_REMEDY)
 
 
 def check_step_period(case: Case) -> Iterator[Finding]:

@@ -75,7 +75,7 @@ def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
     if code not in FLEW:
         raise NetworkError(f"the master {master.ending}")
     with open(os.path.join(folder, "table.json"), encoding="utf-8") as file:
-        run = _read(json.load(file)["table"], bench.memory_mib, alone_mib)
+        run = _read(json.load(file)["table"], alone_mib)
     run.values["slave_cpu_floor"] = float("nan") if endpoint else 100.0 * _bare_share(bench, run.slave)
     return run
 
@@ -103,13 +103,13 @@ def figures(runs: list[Run]) -> dict[str, Figure]:
     return {row.name: Figure([run.values[row.name] for run in runs], row.unit, row.better) for row in ROWS}
 
 
-def _read(table: dict[str, Any], limit_mib: float, alone_mib: float) -> Run:
+def _read(table: dict[str, Any], alone_mib: float) -> Run:
     def number(name: str, factor: float = 1.0) -> float:
         return float("nan") if table[name] is None else table[name] * factor
 
     if not isfinite(alone_mib):  # a slave elsewhere reports it itself
         alone_mib = number("slave_rss_mib")
-    ram = limit_mib or min(number("slave_ram_mib"), PAPER_BOARD_MIB)
+    ram = min(number("slave_ram_mib"), PAPER_BOARD_MIB)
     values = {
         "master_cpu": number("master_cpu_core", 100.0),
         "startup": number("startup_s"),

@@ -9,16 +9,14 @@ from typing import Any, NamedTuple
 from hil.bench import delay_report
 from hil.bench.delay_run import HOPS, Echo, Plan, Result, measure, pooled
 from hil.bench.harness import Bench
-from hil.bench.limits import Limits
 from hil.bench.record import Figure
 from hil.commands.bench.options import (
-    add_limits,
     add_repeat,
     add_results,
     add_seconds,
+    add_under,
     benchmark,
     check_plot,
-    limits_of,
     save_record,
 )
 from hil.commands.bench.partial_failures import PartialFailures
@@ -153,7 +151,7 @@ def _parser() -> Any:
     add("--most-p50", type=LIMIT, metavar="MS", help="limit of the median")
     add("--most-p99", type=LIMIT, metavar="MS", help="limit of 99 of 100 commands")
     add("--most-over-floor", type=LIMIT, metavar="MS", help="limit of the median above the floor")
-    add_limits(parser)
+    add_under(parser)
     add_results(parser, "histogram, time series and hops")
     return parser
 
@@ -170,9 +168,9 @@ def _cases(options: Any) -> list[Case]:
 
 def _check_elsewhere(options: Any, cases: list[Case]) -> None:
     """Check that no option would have to be passed to a slave that runs elsewhere. Raises ConfigError."""
-    if limits_of(options) != Limits() or any((options.protocol, options.stm32, options.baud, options.port)):
+    if any((options.under, options.protocol, options.stm32, options.baud, options.port)):
         raise ConfigError(
-            "command line: --connect measures a running slave: leave out limits, --protocol, --stm32, --baud and --port"
+            "--connect measures a running slave: leave out --under, --protocol, --stm32, --baud and --port"
         )
     inapplicable = [key for key in changes_of(options) if not key.startswith(MASTER_KEYS)]
     if inapplicable:
@@ -200,7 +198,7 @@ def _measure(case: Case, options: Any, echo: Echo | None) -> tuple[Result, tuple
     plan = Plan(case.rate, options.seconds, case.load, case.payload, options.steps)
     with _keys(case.security) as security:
         changes = {**changes_of(options), **_changes(case, options), **security}
-        with Bench(options.scenario, changes, limits_of(options)) as bench:
+        with Bench(options.scenario, changes, options.under) as bench:
             result = measure(bench, plan, options.connect or "", echo)
             return result, (*bench.labels, *result.labels)
 

@@ -8,12 +8,11 @@ from hil.bench.load_run import Course, Setting, difference, impossible, settings
 from hil.bench.record import Figure, Record
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
-    add_limits,
     add_results,
     add_seconds,
+    add_under,
     benchmark,
     check_plot,
-    limits_of,
     save_record,
     show,
 )
@@ -83,7 +82,7 @@ def _parser() -> Any:
     add("--rates", default=(), metavar="LIST", type=RATES, help="also with these rates of the loop, Hz")
     add("--vehicles", default=(), metavar="LIST", type=VEHICLES, help="also with these numbers of slaves at once")
     add_seconds(parser, 10.0, "run", least=2.0)
-    add_limits(parser)
+    add_under(parser)
     add_results(parser, "CPU and memory over time")
     return parser
 
@@ -91,7 +90,7 @@ def _parser() -> Any:
 def _plan(options: Any) -> tuple[list[Setting], dict[str, str]]:
     """Return the settings to measure, and why others are left out. Raises ConfigError if the first is impossible."""
     base = changes_of(options)
-    with Bench(options.scenario, base, limits_of(options)) as bench:
+    with Bench(options.scenario, base, options.under) as bench:
         fitted = [*bench.scenario.sensors] if options.each_sensor else None
     options_used = settings(fitted, [*options.rates], [*options.vehicles])
     wanted = [setting._replace(changes=base | setting.changes) for setting in options_used]
@@ -109,7 +108,7 @@ def _run(setting: Setting, options: Any, progress: str) -> Course:
         show(f"{progress} {share:4.0%}")
 
     try:
-        return load_run.run(setting, options.scenario, options.seconds, limits_of(options), watch)
+        return load_run.run(setting, options.scenario, options.seconds, options.under, watch)
     except HilError as error:
         return Course(setting, failure=str(error))
 

@@ -1,42 +1,38 @@
 """The options that benchmarks share."""
 
 import argparse
+import shlex
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any
 
-from hil.bench.limits import Limits, parse_cpus, parse_memory
 from hil.bench.record import Figure, Record, new_record, save
-from hil.common.options import DAY_S, REPEAT, Number, Share, add_output, add_plot, checked
+from hil.common.options import DAY_S, REPEAT, Number, add_output, add_plot
+from hil.common.schema import shortened
 from hil.plots.plotting import check_picture
 
-CPU_SHARE = Share(0.01, 64.0)  # of one core
 NO_SETTINGS = ("output", "plot", "csv", "markdown", "against", "check")  # options that change no figure
 PRINT_EVERY_S = 60.0  # where the output is not a terminal, such as in a log
 
 
-def add_limits(parser: argparse.ArgumentParser) -> None:
-    """Add the options that limit a laptop to the resources of a small board."""
-    limits = parser.add_argument_group("limits of the slave, below what the machine has; results are labelled")
-    limits.add_argument(
-        "--cpus", metavar="LIST", type=checked(parse_cpus), default=(), help="processors to use: 0 or 0,2 or 0-3"
-    )
-    limits.add_argument(
-        "--cpu-quota",
-        metavar="SHARE",
-        type=CPU_SHARE,
-        default=0.0,
-        help="share of one core: 25%%; disables real-time scheduling",
-    )
-    limits.add_argument(
-        "--memory",
-        metavar="SIZE",
-        type=checked(parse_memory),
-        default=0.0,
-        help="memory limit: 512M, 1G; cached files not included",
-    )
+def add_under(parser: argparse.ArgumentParser) -> None:
+    """Add --under, the command that runs the slave, so that a laptop has the resources of a small board."""
+    about = 'command that runs the slave, such as "taskset -c 0"; results are labelled'
+    parser.add_argument("--under", metavar="COMMAND", type=_command, default=[], help=about)
+
+
+def _command(text: str) -> list[str]:
+    """Return the words of a command, after a test that its program can be run."""
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{shortened(text)}: {error}") from None
+    if not words or not shutil.which(words[0]):
+        raise argparse.ArgumentTypeError(f"no program {shortened(text)} here; name it by its path, or install it")
+    return words
 
 
 def add_results(parser: argparse.ArgumentParser, picture: str = "") -> None:
@@ -55,11 +51,6 @@ def add_seconds(parser: argparse.ArgumentParser, default: float, of: str, least:
 def add_repeat(parser: argparse.ArgumentParser, default: int, what: str) -> None:
     """Add --repeat, the number of repetitions; `what` says what is repeated."""
     parser.add_argument("--repeat", type=REPEAT, default=default, metavar="N", help=f"{what} [%(default)s]")
-
-
-def limits_of(options: Any) -> Limits:
-    """Return the limits of `add_limits`."""
-    return Limits(options.cpus, options.cpu_quota, options.memory)
 
 
 def check_plot(options: Any) -> None:

@@ -8,11 +8,10 @@ from hil.bench.record import Figure, Record
 from hil.bench.soak_run import Observation, Soak, Soaking, measured, trend
 from hil.bench.statistics import median
 from hil.commands.bench.options import (
-    add_limits,
     add_results,
+    add_under,
     benchmark,
     check_plot,
-    limits_of,
     save_record,
     show,
 )
@@ -59,7 +58,7 @@ def main(arguments: list[str]) -> int:
         raise ConfigError("command line: --every must be below --leave-every")
     if options.every >= options.hours * 3600.0:
         raise ConfigError("command line: --hours ends before the first reading; give a shorter --every")
-    with StopSignals() as stop_fd, Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+    with StopSignals() as stop_fd, Bench(options.scenario, changes_of(options), options.under) as bench:
         soak = Soaking(bench, options.every, _show, stop_fd).run(options.hours * 3600.0, options.leave_every)
         labels = bench.labels
     show("")
@@ -87,7 +86,7 @@ def _parser() -> Any:
         help="time between disconnections of the master [%(default)s]",
     )
     add("--leak", type=LEAK, default=0.5, metavar="MIB", help="growth an hour that counts as a leak [%(default)s]")
-    add_limits(parser)
+    add_under(parser)
     add_results(parser, "memory, delay and time over the run")
     return parser
 

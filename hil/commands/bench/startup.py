@@ -8,11 +8,10 @@ from hil.bench.record import Figure
 from hil.bench.startup_run import AT_MASTER, PHASES, coldness, files_of_a_start, floors, start, time_floor
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
-    add_limits,
     add_repeat,
     add_results,
+    add_under,
     benchmark,
-    limits_of,
     save_record,
     show,
 )
@@ -29,7 +28,7 @@ examples:
   uuv-hil bench startup
   uuv-hil bench startup --repeat 20 --most 0.35          exit code 1 when a warm start takes longer (s, median)
   sudo uuv-hil bench startup --drop-caches
-  uuv-hil bench startup --cpu-quota 25% --output small.json
+  uuv-hil bench startup --under "taskset -c 0" --output small.json
 """
 LIMIT_BROKEN = 1
 MAX = Number(0.0, 3600.0, "s")
@@ -47,7 +46,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--warm-only", action="store_true", help="leave the cold starts out")
     parser.add_argument("--drop-caches", action="store_true", help="cold: drop all caches of the machine, as root")
     parser.add_argument("--most", type=MAX, metavar="S", help="limit of a warm start, until the first sample")
-    add_limits(parser)
+    add_under(parser)
     add_results(parser)
     options = parser.parse_args(arguments)
     failures = PartialFailures()
@@ -73,7 +72,7 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series]
     rows: dict[str, list[Row]] = {}
     labels: tuple[str, ...] = ()
     text = ""
-    with failures.caught(), Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
+    with failures.caught(), Bench(options.scenario, changes_of(options), options.under) as bench:
         labels = bench.labels
         show("the first start")
         start(bench)  # the next start prints each module, which would hide why a start fails

@@ -5,17 +5,15 @@ from math import isnan
 from typing import Any
 
 from hil.bench.harness import ONE_VEHICLE, Bench, labels_of
-from hil.bench.limits import Limits
 from hil.bench.record import Better, Figure
 from hil.bench.statistics import median
 from hil.bench.stream_run import Listener, Listening, Stream, missing
 from hil.commands.bench.options import (
-    add_limits,
     add_repeat,
     add_results,
     add_seconds,
+    add_under,
     benchmark,
-    limits_of,
     save_record,
     show,
 )
@@ -52,9 +50,9 @@ ROWS: tuple[tuple[str, str, str, float, Better], ...] = (
 def main(arguments: list[str]) -> int:
     """Measure and print; return the exit code. Raises HilError."""
     options = _parser().parse_args(arguments)
-    if options.connect and (options.set or limits_of(options) != Limits()):
+    if options.connect and (options.set or options.under):
         raise ConfigError(
-            "command line: --set, --cpus, --cpu-quota and --memory change a slave started here, not --connect; "
+            "command line: --set and --under change a slave started here, not --connect; "
             "start that slave with its own options, and give its scenario as a file"
         )
     runs: list[Listening] = []
@@ -96,7 +94,7 @@ def _parser() -> Any:
     )
     add_seconds(parser, 10.0, "run")
     add_repeat(parser, 1, "whole runs, each with a slave of its own")
-    add_limits(parser)
+    add_under(parser)
     add_results(parser)
     return parser
 
@@ -113,7 +111,7 @@ def _listen(options: Any, progress: str) -> tuple[Listening, tuple[str, ...]]:
             listener = stack.enter_context(Listener(options.connect, load_single(options.scenario, remedy=ONE_VEHICLE)))
             received = listener.listen(options.seconds, None, watch)
             return received, labels_of(listener.client.diagnostics())
-        bench = stack.enter_context(Bench(options.scenario, changes_of(options), limits_of(options)))
+        bench = stack.enter_context(Bench(options.scenario, changes_of(options), options.under))
         slave = bench.start_slave()
         listener = stack.enter_context(Listener(bench.endpoint, bench.scenario))
         return listener.listen(options.seconds, slave, watch), bench.labels

@@ -13,13 +13,12 @@ from hil.bench.table.boards import HERE, Column
 from hil.bench.table.hil_table import PAPER_NOTE
 from hil.bench.table.run import Run, figures, fly
 from hil.commands.bench.options import (
-    add_limits,
     add_repeat,
     add_results,
     add_seconds,
+    add_under,
     benchmark,
     check_plot,
-    limits_of,
     save_record,
     show,
 )
@@ -48,7 +47,7 @@ A slave elsewhere is not started again: its start-up is only measured when it is
 examples:
   uuv-hil bench table                                  this machine, beside the reference platform's boards
   uuv-hil bench table --check                          exit code 1 when a budget of the board is missed
-  uuv-hil bench table --cpu-quota 25% --memory 512M --cpus 0      a laptop as a small board
+  uuv-hil bench table --under "taskset -c 0"         a laptop as a small board
   uuv-hil bench table --connect tcp/192.168.3.116:7447 --connect tcp/192.168.3.117:7447 --markdown boards.md
   uuv-hil bench table --output today.json --against yesterday.json --plot table.png
 """
@@ -65,8 +64,8 @@ def main(arguments: list[str]) -> int:
     options = _parser().parse_args(arguments)
     check_plot(options)
     earlier = [column for path in options.against for column in _earlier(path)]
-    if options.connect and (options.cpus or options.cpu_quota or options.memory):
-        raise ConfigError("command line: --cpus, --cpu-quota and --memory limit a slave started here, not --connect")
+    if options.connect and options.under:
+        raise ConfigError("command line: --under runs a slave started here, not one of --connect")
     inapplicable = [key for key in changes_of(options) if key.startswith(SLAVE_KEYS) and key != "slave.node"]
     if options.connect and inapplicable:
         raise ConfigError(
@@ -108,7 +107,7 @@ def _parser() -> Any:
     add("--against", action="append", default=[], metavar="FILE", help="show an earlier record beside it")
     add("--check", action="store_true", help="check against the budgets of the board")
     add_board(parser)
-    add_limits(parser)
+    add_under(parser)
     add_results(parser, "the table as a picture")
     add_file(parser, "--csv", metavar="FILE", help="the table as CSV")
     add_file(parser, "--markdown", metavar="FILE", help="the table as Markdown")
@@ -125,7 +124,7 @@ def _measure(options: Any, failures: PartialFailures) -> Record:
         name = endpoint or HERE
         runs: list[Run] = []
         failures.begin(f"{name}: run 1 of {options.repeat}")
-        with failures.caught(), Bench(options.scenario, changes, limits_of(options)) as bench:
+        with failures.caught(), Bench(options.scenario, changes, options.under) as bench:
             labels += bench.labels
             _repeat(bench, options.repeat, endpoint, runs, failures)
         if runs:

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from hil.bench.harness import Bench
-from hil.bench.limits import Limits
 from hil.bench.startup_run import AT_MASTER, Start, coldness, time_floor
 from hil.common.errors import NetworkError
 
@@ -17,8 +16,8 @@ def test_phases_are_differences_of_consecutive_times() -> None:
     assert start.total == 60.0
 
 
-def test_the_floor_runs_under_the_limits_of_the_slave() -> None:
-    with Bench("paper_field", limits=Limits(cpus=(min(os.sched_getaffinity(0)),))) as bench:
+def test_the_floor_is_run_by_the_command_that_runs_the_slave() -> None:
+    with Bench("paper_field", under=["taskset", "-c", str(min(os.sched_getaffinity(0)))]) as bench:
         assert time_floor(bench, "import os; assert len(os.sched_getaffinity(0)) == 1") > 1.0
         with pytest.raises(NetworkError, match="ModuleNotFoundError"):
             time_floor(bench, "import no_such_module")

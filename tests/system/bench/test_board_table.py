@@ -142,12 +142,12 @@ def test_one_quick_run_has_plausible_figures(tmp_path: Path, capsys: pytest.Capt
     text = Path("boards/beaglebone_black.toml").read_text()
     board.write_text(re.sub(r'^(startup|delay_p\d+) = ".*"$', r'\1 = "10 s"', text, flags=re.M))
     save(new_record("table", {}, GOOD), str(old))
-    options = ["--repeat", "1", "--seconds", "1", "--against", str(old), "--output", str(new), "--cpus", str(FIRST_CPU)]
-    code = main(["bench", "table", *options, "--check", "--board", str(board)])
+    options = ["--repeat", "1", "--seconds", "1", "--against", str(old), "--output", str(new), "--check"]
+    code = main(["bench", "table", *options, "--board", str(board), "--under", f"taskset -c {FIRST_CPU}"])
     output = capsys.readouterr().out
     assert code == 0, output
     assert "every budget is met" in output
-    assert output.count(f"label: limited: processor {FIRST_CPU} only") == 1
+    assert output.count(f"label: limited: run by taskset -c {FIRST_CPU}") == 1
     assert any("old" in line.split() for line in output.splitlines()), "the column of the record that it compares with"
     figures = json.loads(new.read_text())["figures"]
     assert 0.01 < figures["ready"]["median"] < figures["startup"]["median"]

@@ -99,58 +99,6 @@ left=$(find /etc/systemd -name '*uuv-hil*'; systemctl list-units --all --plain -
 echo "${left:-nothing is left}"
 """
 
-# What a process gets under limits: whether its quota holds it, how two end that take 32 and 96 MiB, and where it is.
-LIMITED = r"""
-import subprocess, sys, time
-from hil.bench.limits import Confinement, Limits
-def read(path):
-    with open(path) as file:
-        return file.read()
-def used_ns(pid):
-    return int(read(f"/proc/{pid}/schedstat").split()[0])
-with Confinement(Limits(cpu_share=0.25, memory_mib=64.0)) as place:
-    take = [["dd", "if=/dev/zero", "of=/dev/null", "count=1", "status=none", f"bs={mib}M"] for mib in (32, 96)]
-    ends = [subprocess.run(place.command(command)).returncode for command in take]
-    busy = subprocess.Popen(place.command(["sh", "-c", "while :; do :; done"]))
-    group = ""
-    while not ("/run-" in group and group.endswith(".scope")):
-        time.sleep(0.1)
-        group = read(f"/proc/{busy.pid}/cgroup").strip().partition("::")[2]
-    began, used = time.monotonic_ns(), used_ns(busy.pid)
-    for _ in range(60):  # what runs the board may have others to run too
-        time.sleep(1)
-        stat = dict(line.split() for line in read(f"/sys/fs/cgroup{group}/cpu.stat").splitlines())
-        if stat["nr_throttled"] != "0":
-            break
-    share = (used_ns(busy.pid) - used) / (time.monotonic_ns() - began)
-    quota, period = map(int, read(f"/sys/fs/cgroup{group}/cpu.max").split())
-    was_held = stat["nr_throttled"] != "0" and share < 0.29
-    print("limited:", sys.argv[1], place.by, group.split("/")[1], *ends, quota / period, was_held, share, flush=True)
-    busy.kill()
-"""
-
-# As root, and as a user whose processes systemd keeps. The board has no message bus, and so nobody who logs users in.
-LIMITS = rf"""
-cat >/tmp/limited.py <<'END'
-{LIMITED}
-END
-python3 /tmp/limited.py root >/tmp/root.log 2>&1 &
-root=$!
-cd /etc/systemd/system
-mkdir user@.service.d user-runtime-dir@.service.d
-printf '[Service]\nPAMName=\nEnvironment=XDG_RUNTIME_DIR=/run/user/%%i\n' >user@.service.d/board.conf
-printf '[Service]\nExecStart=\nExecStart=install -d -o pilot /run/user/%%i\n' >user-runtime-dir@.service.d/board.conf
-systemctl daemon-reload
-systemctl start user@1000
-XDG_RUNTIME_DIR=/run/user/1000 setpriv --reuid 1000 --regid 1000 --clear-groups systemd-run --user --quiet \
-  -E PYTHONPATH -p Type=oneshot -p StandardOutput=file:/tmp/pilot.log -p StandardError=file:/tmp/pilot.log \
-  python3 /tmp/limited.py pilot || true
-cd /
-wait $root || true
-cat /tmp/root.log /tmp/pilot.log
-systemctl stop user@1000
-"""
-
 
 def last_of(booted: Booted) -> str:
     """Return the last lines that the job printed."""
@@ -160,7 +108,7 @@ def last_of(booted: Booted) -> str:
 def test_the_service_runs_on_a_whole_board() -> None:
     port = free_port()
     with held_board() as board:
-        whole = Booted(board, JOB + LIMITS, {port: 7447})
+        whole = Booted(board, JOB, {port: 7447})
     with whole as booted:
         assert wait_for(lambda: "service: " in booted.output or booted.status is not None, 900), last_of(booted)
         assert "service: active active" in booted.output, last_of(booted)
@@ -188,7 +136,3 @@ def test_the_service_runs_on_a_whole_board() -> None:
     assert "remove them with: sudo rm -r /var/lib/uuv-hil /var/cache/uuv-hil" in booted.output
     assert "watchdog: Watchdog timeout" in booted.output
     assert "nothing is left" in booted.output
-    output = [line.split() for line in booted.output.splitlines() if line.startswith("limited: ")]
-    limited = {words[1]: words[2:] for words in output}
-    assert limited["root"][:-1] == ["systemd", "system.slice", "0", "-9", "0.25", "True"], limited
-    assert limited["pilot"][:-1] == ["systemd", "user.slice", "0", "-9", "0.25", "True"], limited
