@@ -29,14 +29,13 @@ from tools.validations import (  # noqa: E402 - works from a bare checkout too
     devices,
     navigation,
     remus,
-    sensors,
     thrusters,
     vessels,
     water,
 )
 from tools.validations.sheet import Finding, Sheet  # noqa: E402
 
-PARTS = (bluerov2, remus, vessels, thrusters, water, sensors, devices, navigation)
+PARTS = (bluerov2, remus, vessels, thrusters, water, devices, navigation)
 SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
 COLOURS = 64
@@ -46,10 +45,12 @@ HEAD = """\
 Made by `python tools/pages/validation.py`, which computes every figure again. `tests/system/tools/test_validation.py`
 checks each figure against its bound. The tool needs the packages of the tests: `pip install -e '.[dev]'`.
 
-Tests compare the rest with theory: energy of free and floating bodies (`tests/unit/sim/test_dynamics.py`,
-`vehicle/test_buoyancy.py`), fins, hull lift and cross flow (`vehicle/test_surfaces.py`), ballast and battery
-(`vehicle/test_ballast.py`, `test_battery.py`), currents and tides (`environment/test_currents.py`), the bias at
-any rate (`sensors/test_sensor_error.py`), and level flight (`tests/system/sim/test_level_flight.py`).
+Tests compare the rest with theory: energy of free and floating bodies, and the order of the integrators
+(`tests/unit/sim/test_dynamics.py`, `vehicle/test_buoyancy.py`), fins, hull lift and cross flow
+(`vehicle/test_surfaces.py`), lags and advance speed of thrusters (`vehicle/test_thruster_lags.py`,
+`test_thruster_curves.py`), ballast and battery (`vehicle/test_ballast.py`, `test_battery.py`), currents, tides and
+waves (`environment/test_currents.py`, `test_waves.py`), the altitude of a tilted DVL (`sensors/test_sensors.py`), the
+bias at any rate (`sensors/test_sensor_error.py`), and level flight (`tests/system/sim/test_level_flight.py`).
 
 | in the pictures | is |
 |---|---|

@@ -1,20 +1,17 @@
 """BlueROV2 Heavy compared with the code of von Benzon et al. 2022, whose results are tests/vectors/vonbenzon_*.csv."""
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
-from math import degrees, log2, pi
+from math import degrees, pi
 
 from matplotlib.axes import Axes
 
 from sim import rotations
 from sim.dynamics import Dynamics, Integrator, State
 from sim.rotations import from_euler, to_euler
-from sim.vehicle.vehicle import Vehicle
 from tests.support.flights.von_benzon import CASES, CURRENT, DEEP, DENSITY, GRAVITY, HEAVY, LeftOut, Row, pick, rows_of
-from tests.unit.sim.test_dynamics import Tow
-from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, near, plot_own, plot_ref, ticks
+from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, below, label, near, plot_own, plot_ref
 
-STILL, NOTHING = (0.0, 0.0, 0.0), (0.0,) * 6
+STILL = (0.0, 0.0, 0.0)
 REFERENCE = "others' code, Octave"
 
 
@@ -177,53 +174,8 @@ def _speeds(axis: int, force: float) -> tuple[list[float], list[float]]:
     return times, speeds
 
 
-# -- convergence ------------------------------------------------------------------------------------------------------
-
-COUNTS = (25, 50, 100, 200, 400)
-LINEAR = HEAVY._replace(quadratic_damping=(0.0,) * 6, linear_damping=(40.0, 40.0, 40.0, 1.5, 1.5, 1.5))
-
-
-def convergence(panels: Sequence[Axes]) -> list[Finding]:
-    """The error after 2 s over the time step. A vehicle on a spring starts with speeds on all axes in a current.
-    Half the step divides the error by two to the power of the integrator's order. Below an error of 1e-6 the order of
-    Runge-Kutta falls to about three, because the slope of the drag v|v| has a kink where v changes its sign. With
-    linear drag alone the order is four everywhere."""
-    (axes,) = panels
-    findings, steps = [], [2e3 / count for count in COUNTS]
-    orders: dict[Integrator, tuple[int, str]] = {"verlet": (2, "Verlet"), "rk4": (4, "RK4")}
-    for (integrator, (order, name)), color in zip(orders.items(), SHADES, strict=False):
-        errors = errors_by_step(HEAVY, integrator)
-        axes.loglog(steps, errors, "o-", color=color, markersize=3, label=f"ours, {name}")
-        guide = [errors[2] * (step / steps[2]) ** order for step in steps]
-        plot_ref(axes, steps, guide, "theory: step², step⁴" if order == 2 else "_")
-        ratio = errors[1] / errors[2]
-        what = f"{name}: error over that by half the step (order {log2(ratio):.2f})"
-        findings.append(above(what, ratio, 0.75 * 2**order))
-    linear = errors_by_step(LINEAR, "rk4")
-    plot_own(axes, steps, linear, "ours, RK4, linear drag alone", SHADES[2])
-    ticks(axes.xaxis, steps)
-    label(axes, "step (ms)", "error after 2 s (m, m/s, rad/s)")
-    what = "RK4, linear drag alone: least order of all halvings"
-    return [*findings, above(what, min(log2(a / b) for a, b in pairwise(linear)), 3.95)]
-
-
-def errors_by_step(vehicle: Vehicle, integrator: Integrator) -> list[float]:
-    """Return the largest error of position and speeds (m, m/s, rad/s) after 2 s, for each of COUNTS."""
-    true = _thrown(vehicle, "rk4", 3200)
-    runs = [_thrown(vehicle, integrator, count) for count in COUNTS]
-    return [max(abs(a - b) for a, b in zip(run, true, strict=True)) for run in runs]
-
-
-def _thrown(vehicle: Vehicle, integrator: Integrator, steps: int) -> list[float]:
-    dynamics, state = Dynamics(vehicle, 1025.0, 9.82, integrator, [Tow()]), State((2.0, 1.0, 30.0), nu=[0.5] * 6)
-    for _ in range(steps):
-        dynamics.step(state, NOTHING, (0.2, 0.1, 0.0), 2.0 / steps)
-    return [*state.position, *state.nu]
-
-
 SHEETS = [
     Sheet("BlueROV2 Heavy: derivatives", derivatives, columns=1, size=(6.0, 3.0)),
     Sheet("BlueROV2 Heavy: eight trajectories", trajectories, rows=2, columns=4, size=(9.0, 4.2)),
     Sheet("BlueROV2 Heavy: published speeds", published_speeds, columns=1, size=(5.0, 3.0)),
-    Sheet("Convergence of the integrators", convergence, columns=1, size=(5.0, 3.0)),
 ]

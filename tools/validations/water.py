@@ -1,33 +1,15 @@
-"""Waves, and what a current does to a vehicle."""
+"""What a current does to a vehicle."""
 
 from collections.abc import Sequence
-from math import cosh, dist, exp, pi, sinh, tanh
-from statistics import pstdev
+from math import dist
 
-import numpy as np
 from matplotlib.axes import Axes
-from scipy.signal import welch
 
 from sim.dynamics import Dynamics, Integrator, State
-from sim.environment.waves import WaveField, components, spectral_density, wave_number
 from sim.rotations import from_euler, rotate, rotate_inverse
 from tests.support.flights.von_benzon import LeftOut
-from tests.unit.sim.environment import test_waves as swell
 from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL
-from tools.validations.sheet import (
-    SHADES,
-    WRONG,
-    Finding,
-    Sheet,
-    below,
-    label,
-    near,
-    plot_own,
-    plot_ref,
-    wrong,
-)
-
-# -- a current and a vehicle ------------------------------------------------------------------------------------------
+from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, below, label, plot_own, plot_ref, wrong
 
 CURRENT = (0.4, -0.3, 0.1)
 
@@ -92,89 +74,4 @@ def _adrift(axes: Axes) -> Finding:
     return below("adrift for a minute: speed away from the water's", away, 0.02, "m/s")
 
 
-# -- waves ------------------------------------------------------------------------------------------------------------
-
-
-def waves(panels: Sequence[Axes]) -> list[Finding]:
-    """An irregular sea of 1.5 m and 7 s. First: the spectrum of its elevation at one place, compared with JONSWAP.
-    Second: orbital speeds over depth, compared with Airy's theory, in deep water and over a seabed at 5 m. Third: the
-    dispersion."""
-    spectrum, orbits, dispersion = panels
-    return [*_spectrum(spectrum), *_orbits(orbits), _dispersion(dispersion)]
-
-
-def _spectrum(axes: Axes) -> list[Finding]:
-    waves = swell.SEA
-    wave_field = WaveField(waves._replace(components=400), 30.0, swell.G, 5)
-    heights = np.array([wave_field.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)])
-    hertz, density = welch(heights, 2.0, nperseg=512)
-    plot_own(axes, 2.0 * pi * hertz, density / (2.0 * pi), "ours, 2.3 h of elevation")
-    dots = [0.3 + 0.05 * i for i in range(50)]
-    plot_ref(axes, dots, [spectral_density(waves, omega) for omega in dots], "JONSWAP")
-    axes.set_xlim(0.0, 2.6)
-    label(axes, "angular frequency (rad/s)", "spectrum (m² s/rad)", legend="upper right")
-    tested = WaveField(waves, 30.0, swell.G, 5)
-    significant = [tested.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
-    energy = sum(0.5 * wave.amplitude**2 for wave in components(waves, 50.0, swell.G, 3)) / (1.5**2 / 16.0)
-    return [
-        near("significant height of two hours", 4.0 * pstdev(significant), 1.5, "m", rel=0.04),
-        below("energy of the components away from Hs²/16 (share)", abs(energy - 1.0), 1e-12),
-    ]
-
-
-def _orbit(wave_field: WaveField, z: float) -> tuple[float, float]:
-    """Return the greatest horizontal and vertical speed at `z` of a wave field of one wave."""
-    wave = wave_field.components[0]
-    motions = [wave_field.motion(i * pi / wave.omega / 200.0, 0.0, 0.0, z).velocity for i in range(400)]
-    return max(abs(v[0]) for v in motions), max(abs(v[2]) for v in motions)
-
-
-def _orbits(axes: Axes) -> list[Finding]:
-    worst = []
-    for depth, deepest, color in ((4000.0, 25.0, SHADES[0]), (5.0, 5.0, SHADES[2])):
-        wave_field = swell.single(depth)
-        distances = [deepest * i / 25.0 for i in range(26)]
-        orbits = [_orbit(wave_field, z) for z in distances]
-        theory = [_airy(wave_field, z) for z in distances]
-        differences = [dist(f, t) for f, t in zip(orbits, theory, strict=True)]
-        worst.append(max(differences) / theory[0][0])
-        name = "deep" if depth > 100.0 else "5 m"
-        axes.plot([h for h, _ in orbits], distances, color=color, label=f"ours, {name}, level")
-        axes.plot([v for _, v in orbits], distances, "--", color=color, label=f"ours, {name}, upright")
-        plot_ref(axes, [h for h, _ in theory[::2]], distances[::2], "_")
-        plot_ref(axes, [v for _, v in theory[::2]], distances[::2], "Airy" if depth < 100.0 else "_")
-    axes.invert_yaxis()
-    label(axes, "greatest orbital speed (m/s)", "depth (m)", legend="lower right")
-    return [
-        below("orbital speed in deep water away from Airy (share of the surface's)", worst[0], 1e-3),
-        below("over a seabed at 5 m", worst[1], 1e-3),
-    ]
-
-
-def _airy(wave_field: WaveField, z: float) -> tuple[float, float]:
-    wave = wave_field.components[0]
-    k, size = wave.wave_number, wave.amplitude * wave.omega
-    if wave_field.depth > 1000.0:
-        return size * exp(-k * z), size * exp(-k * z)
-    below_it = k * (wave_field.depth - z)
-    return size * cosh(below_it) / sinh(k * wave_field.depth), size * sinh(below_it) / sinh(k * wave_field.depth)
-
-
-def _dispersion(axes: Axes) -> Finding:
-    omegas, worst = [0.05 * 1.1**i for i in range(51)], 0.0
-    for depth, color in zip((0.1, 5.0, 30.0, 11_000.0), reversed(SHADES), strict=True):
-        numbers = [wave_number(omega, depth, swell.G) for omega in omegas]
-        squares = [swell.G * k * tanh(k * depth) for k in numbers]
-        worst = max(worst, *(abs(square / w**2 - 1.0) for square, w in zip(squares, omegas, strict=True)))
-        axes.loglog(omegas, numbers, color=color, label=f"ours, {depth:g} m")
-    plot_ref(axes, omegas[::4], [w * w / swell.G for w in omegas[::4]], "deep: ω² / g")
-    shallow = [w for w in omegas[::4] if w < 2.5]
-    axes.plot(shallow, [w / (swell.G * 0.1) ** 0.5 for w in shallow], "k+", label="0.1 m: ω / √(g h)")
-    label(axes, "angular frequency (rad/s)", "wave number (rad/m)", legend="lower right")
-    return below("dispersion away from g k tanh(k h) (share)", worst, 1e-12)
-
-
-SHEETS = [
-    Sheet("Carried by a current", carried),
-    Sheet("Waves", waves, columns=3, size=(9.5, 3.1)),
-]
+SHEETS = [Sheet("Carried by a current", carried)]

@@ -17,7 +17,7 @@ from hil.common.schema import preset_names
 EXAMPLES = """\
 install checks that the slave would start as the user. It then writes a systemd unit with a watchdog, udev rules, and
 limits for real-time scheduling; for a CAN link also a unit that sets the bit rate; with NetworkManager also a setting
-against power saving of the wlan. It shows every change and asks first; uninstall restores the files from before.
+against power saving of the wlan. It shows every change and asks first; uninstall removes what it wrote.
 --service adds services that run beside the slave: mavlink, record, view, foxglove, rosbridge, ros1, json, metrics
 (`top --prometheus`) and router; in quotes, options of the command may follow the name. A later install removes the
 services that it does not name.

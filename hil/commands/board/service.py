@@ -22,7 +22,7 @@ from hil.doctor.findings import Case, User, accounts
 from hil.install import changes as board_changes
 from hil.install import check as board_check
 from hil.install import units as board_install
-from hil.install.changes import Plan
+from hil.install.changes import Change
 from hil.install.companions import KINDS, read_companions
 from hil.install.units import MANAGER, NAME, UNITS, Service
 
@@ -57,17 +57,16 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
     for manual_step in (board_install.unknown_device(scenario), board_install.firewall_missing(tree, service)):
         if manual_step:
             print(f"note: {manual_step}")
-    _print_changed(plan)
-    if not plan.changes:
+    if not plan:
         print("everything is installed already")
         return 0
-    before = _stop_commands([change.path for change in plan.removed])
-    enable = ("systemctl", "enable", *units([change.path for change in plan.written]))
+    before = _stop_commands(plan)
+    enable = ("systemctl", "enable", *units([change for change in plan if change.after is not None]))
     after = [RELOAD, *([enable] if enable[2:] else []), *UDEV, *_reload_manager(plan)]
     if _confirm(tree, plan, [*before, *after], options):
         board_changes.check_permission(tree, plan)
         _run(tree, before)
-        board_changes.apply_plan(tree, plan)
+        board_changes.apply_changes(tree, plan)
         _run(tree, after)
         names = " ".join(["uuv-hil", *(f"uuv-hil-{one.name}" for one in companions)])
         print(f"installed; start: sudo systemctl restart {names}, follow: journalctl -f -u 'uuv-hil*'")
@@ -75,25 +74,19 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
 
 
 def uninstall(tree: Tree, options: argparse.Namespace) -> int:
-    """Restore the files from before install; return the exit code. Raises HilError, and then nothing was changed.
-
-    With --service only the units of these are removed.
-    """
+    """Remove the files of install, with --service only the units of these; return the exit code. Raises HilError."""
     plan = board_changes.plan_uninstall(tree)
     if options.service:
         chosen = _chosen(tree, options.service)
-        removed = tuple(change for change in plan.removed if os.path.basename(change.path) in chosen)
-        plan = Plan(removed=removed, changed=tuple(path for path in plan.changed if os.path.basename(path) in chosen))
-    _print_changed(plan)
-    before = _stop_commands([*(change.path for change in plan.removed), *plan.changed])
+        plan = [change for change in plan if os.path.basename(change.path) in chosen]
+    before = _stop_commands(plan)
     after = [RELOAD, UDEV[0], *_reload_manager(plan)]
     if _confirm(tree, plan, [*before, *after], options):
         board_changes.check_permission(tree, plan)
         _run(tree, before)
-        board_changes.apply_plan(tree, plan)
+        board_changes.apply_changes(tree, plan)
         _run(tree, after)
-        again = f"after that file is removed, uninstall again, which removes its record, {board_changes.MANIFEST}"
-        print(f"uninstalled, except for changed files; {again}" if plan.changed else "uninstalled")
+        print("uninstalled")
         left = [folder for folder in STATE_FOLDERS if tree.exists(folder) and not options.service]
         if left:
             print(f"files of the service are still there; remove them with: sudo rm -r {' '.join(left)}")
@@ -133,9 +126,9 @@ def _chosen(tree: Tree, names: Sequence[str]) -> list[str]:
     return wanted or there
 
 
-def units(paths: Sequence[str]) -> list[str]:
-    """Return the names of the units among `paths`."""
-    return [os.path.basename(path) for path in paths if path.endswith(".service")]
+def units(changes: Sequence[Change]) -> list[str]:
+    """Return the names of the changed units."""
+    return [os.path.basename(change.path) for change in changes if change.path.endswith(".service")]
 
 
 def check_user(tree: Tree, user: str) -> None:
@@ -149,26 +142,21 @@ def check_user(tree: Tree, user: str) -> None:
         raise ConfigError(f"--user: there is no user {user!r} here; make one: sudo useradd --system -G dialout {user}")
 
 
-def _print_changed(plan: Plan) -> None:
-    for path in plan.changed:
-        print(f"{path}: changed since it was written; it is left there; remove it with: sudo rm {path}")
-
-
-def _stop_commands(paths: Sequence[str]) -> list[Command]:
+def _stop_commands(changes: Sequence[Change]) -> list[Command]:
     """Return the commands that stop units before their files are removed, and clear systemd's list of failed units."""
-    names = units(paths)
+    names = units([change for change in changes if change.after is None])
     return [("systemctl", "disable", "--now", *names), ("systemctl", "reset-failed", *names)] if names else []
 
 
-def _reload_manager(plan: Plan) -> list[Command]:
+def _reload_manager(plan: Sequence[Change]) -> list[Command]:
     """Return the command that makes NetworkManager, if it runs, reload its settings."""
-    changed = any(change.path == MANAGER for change in plan.changes)
+    changed = any(change.path == MANAGER for change in plan)
     return [("systemctl", "try-reload-or-restart", "NetworkManager")] if changed else []
 
 
-def _confirm(tree: Tree, plan: Plan, commands: list[Command], options: argparse.Namespace) -> bool:
+def _confirm(tree: Tree, plan: Sequence[Change], commands: list[Command], options: argparse.Namespace) -> bool:
     """Show all changes and commands, and ask; return whether the user agrees."""
-    for change in plan.changes:
+    for change in plan:
         print(board_changes.to_diff(change), end="\n\n")
     for command in commands if tree.live else ():
         print("run", *command)

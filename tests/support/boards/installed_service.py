@@ -7,6 +7,7 @@ import pytest
 
 from hil import cli
 from hil.commands.board import service as board_service
+from hil.install.changes import FOLDERS
 from tests.support.boards.recorded import build, plant
 
 SERIAL = 'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndepth = 2\n[master]\ngoal = [8, 7]\n'
@@ -30,6 +31,8 @@ PASSWD = "root:x:0:0:root:/root:/bin/bash\nuuv:x:999:999::/var/lib/uuv-hil:/usr/
 def root(tmp_path: Path) -> Path:
     root = build("raspberry_pi_4b", tmp_path / "root")
     plant(root, "etc/passwd", PASSWD)
+    for folder in FOLDERS[:3]:  # those that every system has
+        (root / folder[1:]).mkdir(parents=True, exist_ok=True)
     return root
 
 
