@@ -11,7 +11,6 @@ from firmware_stub.emulation.chip import Chip
 from firmware_stub.emulation.core import Core
 from firmware_stub.emulation.memory import FLASH
 from firmware_stub.emulation.models import MODELS
-from firmware_stub.emulation.rcc import PIN_RESET, POWER_RESET, WATCHDOG_RESET
 from firmware_stub.image import DEFAULT_CHIP, PARAMETERS_ADDRESS, image_path, parameters
 from hil.common.clock import NS_PER_MS, NS_PER_S
 from hil.common.errors import DeviceError
@@ -21,7 +20,6 @@ from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_
 BUSY_NS = NS_PER_MS
 BUSY_INSTRUCTIONS = 16_000  # in a millisecond at the core's own 16 MHz
 OUTPUTS = ("TIM3", "TIM4")  # with four channels each: thrusters 1 to 4 and 5 to 8
-PORTS = {"f103": "USART1", "f405": "USART1", "f411": "USART2", "f446": "USART2"}  # as in src/*/chip.h
 WATCHDOG_NS = 200 * NS_PER_MS
 
 
@@ -41,7 +39,7 @@ class UnicornBoard:
     image: content of the flash, starting with the vector table. channels: number of thrusters, 1 to 8. watchdog_ns: the
     longest time without a command before the firmware stops them. The firmware reads both from its parameters in flash,
     unless the image extends over these. paced: whether bytes take time on the serial line. chip: the kind of STM32, of
-    firmware_stub.image.CHIPS. number: the last two bytes of the chip's unique id, by which two boards on a bus differ.
+    firmware_stub.image.CHIPS.
 
     Raises DeviceError for too many thrusters, and for a fault of the firmware, with program counter and address;
     MissingExtraError without Unicorn.
@@ -56,15 +54,14 @@ class UnicornBoard:
         *,
         paced: bool = False,
         chip: str = DEFAULT_CHIP,
-        number: int = 0,
     ) -> None:
         self.channels = channels
         self.resets = 0  # resets by the watchdog
         self._chip = Chip(paced, MODELS[chip])
-        self._core = Core(self._chip, _with_parameters(image, channels, watchdog_ns), number)
-        self._port = self._chip.usarts[PORTS[chip]]
+        self._core = Core(self._chip, _with_parameters(image, channels, watchdog_ns))
+        self._port = self._chip.usart
         self._busy_ns = BUSY_NS
-        self._start(POWER_RESET)
+        self.reset()
 
     @property
     def now_ns(self) -> int:
@@ -120,7 +117,8 @@ class UnicornBoard:
 
     def reset(self) -> None:
         """Reset the chip like its reset button; RAM keeps its contents."""
-        self._start(PIN_RESET)
+        self._restart()
+        self._run()
 
     def read_memory(self, address: int, size: int) -> bytes:
         """Read memory like a debug probe. Raises DeviceError if there is no memory at that address."""
@@ -135,21 +133,15 @@ class UnicornBoard:
         """Address of the next instruction."""
         return self._core.pc
 
-    def _start(self, cause: int) -> None:
-        self._chip.reset_by = cause
-        self._restart()
-        self._run()
-
     def _restart(self) -> None:
-        if self._chip.reset_by == WATCHDOG_RESET:
-            self.resets += 1
         self._chip.reset()
         self._core.reset()
 
     def _run(self) -> None:
         """Run the core until it has nothing more to do at this time. A requested reset follows at the next event."""
         core, chip = self._core, self._chip
-        if chip.reset_by:
+        if chip.has_expired:
+            self.resets += 1
             self._restart()
         core.run(BUSY_INSTRUCTIONS)
         while core.sleeping and (self._port.deliver() or chip.can.deliver()):

@@ -1,7 +1,7 @@
 """Exceptions and sleep of the core (ARMv7-M Architecture Reference Manual, part B1.5).
 
-Not modelled: execution time of instructions, fault handlers (a fault ends the emulation with a message), memory
-protection unit, unprivileged mode.
+Not modelled: execution time of instructions, fault handlers (a fault ends the emulation with a message), a second
+stack, and floats in programs that are interrupted.
 """
 
 from mmap import mmap
@@ -11,32 +11,27 @@ from firmware_stub.emulation import engine
 from firmware_stub.emulation.chip import Chip
 from firmware_stub.emulation.engine import Engine, Registers
 from firmware_stub.emulation.memory import FLASH, Memory
-from firmware_stub.emulation.nvic import SVCALL
 
 MAX_EXCEPTIONS = 512  # in a row before time advances
 
 THUMB, FRAME_IS_ALIGNED = 1 << 24, 1 << 9  # bits of the program status
 FLAGS = 0xF80F_0000
-RETURN, ON_PROCESS_STACK, TO_THREAD, NO_FLOAT = 0xFFFF_FFE1, 4, 8, 16  # the value that returns from an exception
-PROCESS_STACK, FLOAT_IN_USE = 2, 4  # bits of CONTROL
+RETURN = 0xFFFF_FFF9  # the value that returns from an exception to the program
 FRAME = Struct("<8I")
-FLOAT_FRAME = Struct("<8QI4x")  # S0 to S15, FPSCR, a reserved word
 
 
 class Core:
-    """The core with its memory. While `sleeping` it waits for an exception that can preempt it.
+    """The core with its memory. While `sleeping` it waits for an exception.
 
-    image: content of the flash, starting with the vector table. number: as in `Memory`. Raises MissingExtraError
-    without Unicorn.
+    image: content of the flash, starting with the vector table. Raises MissingExtraError without Unicorn.
     """
 
-    def __init__(self, chip: Chip, image: bytes, number: int = 0) -> None:
+    def __init__(self, chip: Chip, image: bytes) -> None:
         self._chip = chip
         self._nvic = chip.nvic
-        self._memory = Memory(image, chip.model, number)
-        self._engine = Engine(chip, self._memory, self._would_interrupt, self._is_masked)
+        self._memory = Memory(image, chip.model)
+        self._engine = Engine(chip, self._memory, self._would_interrupt)
         self.sleeping = False
-        self._event = False  # event register: set when an exception returns; the next WFE then does not wait
 
     @property
     def pc(self) -> int:
@@ -56,7 +51,7 @@ class Core:
     def reset(self) -> None:
         """Start at the reset vector; RAM keeps its contents."""
         self._engine.reset(self._vector(1), self._vector(0), THUMB)
-        self.sleeping = self._event = False
+        self.sleeping = False
 
     def run(self, instructions: int) -> None:
         """Execute until the core sleeps, has executed that many instructions in a row, or a reset is requested.
@@ -72,91 +67,52 @@ class Core:
             if self._nvic.urgent:
                 self._take_exception()
             reason = self._engine.run(instructions)
-            self._handle_stop(reason)
-            if self.sleeping or reason == engine.EXHAUSTED or self._chip.reset_by:
+            if reason == engine.WAIT_FOR_INTERRUPT:
+                self.sleeping = not self._nvic.urgent
+            elif reason == engine.EXCEPTION_RETURN:
+                self._return()
+            if self.sleeping or reason == engine.EXHAUSTED or self._chip.has_expired:
                 return
 
-    def _handle_stop(self, reason: int) -> None:
-        """Handle the `reason` for which the engine stopped."""
-        if reason == engine.WAIT_FOR_INTERRUPT:
-            self.sleeping = not self._nvic.urgent
-        elif reason == engine.EXCEPTION_RETURN:
-            self._return(self._engine.pc | 1)
-        elif reason == engine.SUPERVISOR_CALL:
-            self._nvic.pend(1 << SVCALL)
-        elif reason == engine.WAIT_FOR_EVENT:
-            self.sleeping, self._event = not (self._event or self._nvic.urgent), False
-
     def _would_interrupt(self) -> bool:
-        return self._nvic.urgent or bool(self._chip.reset_by)
-
-    def _is_masked(self, registers: Registers) -> bool:
-        if self._chip.reset_by:
-            return False
-        if registers.primask or registers.faultmask:
-            return self._nvic.next_priority >= 0
-        return bool(registers.basepri) and self._nvic.next_priority >= registers.basepri
+        return self._nvic.urgent or self._chip.has_expired
 
     def _take_exception(self) -> None:
-        """Take the next exception, unless it is masked."""
+        """Take the next exception, unless exceptions are masked."""
         registers = self._engine.read_registers()
-        if self._is_masked(registers):
-            return
-        returns_with = RETURN | NO_FLOAT
-        if registers.control & FLOAT_IN_USE:
-            returns_with = RETURN
-        if not self._nvic.active:
-            returns_with |= TO_THREAD | (ON_PROCESS_STACK if registers.control & PROCESS_STACK else 0)
-        self._enter(self._push(registers), registers.xpsr, returns_with)
+        if not registers.primask:
+            self._enter(self._push(registers), registers.xpsr)
 
-    def _return(self, returns_with: int) -> None:
+    def _return(self) -> None:
         """Return from an exception, to the next pending one if it can be taken, else to the interrupted code."""
-        nvic = self._nvic
-        nvic.leave()
-        self._event = True
+        self._nvic.leave()
         registers = self._engine.read_registers()
-        if nvic.urgent and not self._is_masked(registers):
-            self._enter(registers.sp, registers.xpsr, returns_with)
-            return
-        self._pop(returns_with, registers)
-        if returns_with & TO_THREAD and self._chip.system.sleep_on_exit:
-            self.sleeping = not nvic.urgent
+        if self._nvic.urgent and not registers.primask:
+            self._enter(registers.sp, registers.xpsr)
+        else:
+            self._pop(registers.sp)
 
-    def _enter(self, sp: int, status: int, returns_with: int) -> None:
+    def _enter(self, sp: int, status: int) -> None:
         number = self._nvic.enter()
-        self._engine.enter(self._vector(number), sp, status & FLAGS | THUMB | number, returns_with)
+        self._engine.enter(self._vector(number), sp, status & FLAGS | THUMB | number, RETURN)
 
     def _vector(self, number: int) -> int:
-        return self._memory.read_word((self._chip.system.vector_table or FLASH) + 4 * number)
+        return self._memory.read_word(FLASH + 4 * number)
 
     def _push(self, registers: Registers) -> int:
         """Save the registers that a handler may change; return the new stack pointer."""
-        floats = registers.control & FLOAT_IN_USE
-        top = registers.sp - FRAME.size - (FLOAT_FRAME.size if floats else 0)
+        top = registers.sp - FRAME.size
         frame = top & ~7
         status = registers.xpsr & ~FRAME_IS_ALIGNED | (FRAME_IS_ALIGNED if frame != top else 0)
         memory, start = self._find(frame, registers.sp - frame)
         FRAME.pack_into(memory, start, *registers[:6], self._engine.pc, status)
-        if floats:
-            FLOAT_FRAME.pack_into(memory, start + FRAME.size, *self._engine.read_floats())
-            self._engine.write_control(registers.control & ~FLOAT_IN_USE)
         return frame
 
-    def _pop(self, returns_with: int, registers: Registers) -> None:
+    def _pop(self, sp: int) -> None:
         """Restore the registers that `_push` saved."""
-        on_process_stack = returns_with & ON_PROCESS_STACK
-        sp = self._engine.read_process_stack() if on_process_stack else registers.sp
         frame = FRAME.unpack_from(*self._find(sp, FRAME.size))
-        sp += FRAME.size
-        control = registers.control & ~(PROCESS_STACK | FLOAT_IN_USE) | (PROCESS_STACK if on_process_stack else 0)
-        if not returns_with & NO_FLOAT:
-            self._engine.write_floats(FLOAT_FRAME.unpack_from(*self._find(sp, FLOAT_FRAME.size)))
-            sp += FLOAT_FRAME.size
-            control |= FLOAT_IN_USE
-        if control != registers.control:
-            self._engine.write_control(control)
         status = frame[-1]
-        sp += 4 if status & FRAME_IS_ALIGNED else 0
+        sp += FRAME.size + (4 if status & FRAME_IS_ALIGNED else 0)
         self._engine.leave((*frame[:-1], status & ~FRAME_IS_ALIGNED), sp)
 
     def _find(self, address: int, size: int) -> tuple[mmap, int]:

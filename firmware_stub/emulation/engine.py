@@ -11,7 +11,6 @@ stop, and the core does not sleep.
 import importlib
 from collections.abc import Callable
 from ctypes import addressof, c_int, c_uint32, c_void_p
-from struct import Struct
 from typing import Any, NamedTuple
 
 from firmware_stub.emulation.chip import CORE_REGISTERS, CORE_REGISTERS_SIZE, PERIPHERALS, PERIPHERALS_SIZE, Chip
@@ -19,24 +18,17 @@ from firmware_stub.emulation.memory import FLASH, Memory
 from hil.common.errors import DeviceError, MissingExtraError
 
 # Reasons of a stop. The positive ones are Unicorn's own numbers.
-EXHAUSTED, INTERRUPTED, WAIT_FOR_INTERRUPT, WAIT_FOR_EVENT = 0, -1, -2, -3
-SUPERVISOR_CALL, BREAKPOINT, EXCEPTION_RETURN = 2, 7, 8
+EXHAUSTED, INTERRUPTED, WAIT_FOR_INTERRUPT = 0, -1, -2
+BREAKPOINT, EXCEPTION_RETURN = 7, 8
 
 NEVER_REACHED = 0xFFFF_FFFE  # end address of an execution that only stops on request
-WFI, WFE, YIELD, CPSIE_I = b"\x30\xbf", b"\x20\xbf", b"\x10\xbf", b"\x62\xb6"
-INVALID_ACCESSES = {
-    19: "read",
-    20: "wrote",
-    21: "executed",
-    22: "wrote",
-    23: "read",
-    24: "executed",
-}  # by Unicorn's code
+WFI, CPSIE_I = b"\x30\xbf", b"\x62\xb6"
+# By Unicorn's code.
+INVALID_ACCESSES = {19: "read", 20: "wrote", 21: "executed", 22: "wrote", 23: "read", 24: "executed"}
 
-READ = ("R0", "R1", "R2", "R3", "R12", "LR", "PC", "XPSR", "SP", "PRIMASK", "BASEPRI", "FAULTMASK", "CONTROL")
+READ = ("R0", "R1", "R2", "R3", "R12", "LR", "PC", "XPSR", "SP", "PRIMASK")
 ENTER = ("SP", "XPSR_NZCVQG", "LR")  # the order matters: the status selects the stack pointer
 LEAVE = ("XPSR_NZCVQG", "SP", "R0", "R1", "R2", "R3", "R12", "LR")
-FLOAT = ("D0", "D1", "D2", "D3", "D4", "D5", "D6", "D7", "FPSCR")
 
 
 class Registers(NamedTuple):
@@ -52,9 +44,6 @@ class Registers(NamedTuple):
     xpsr: int
     sp: int
     primask: int
-    basepri: int
-    faultmask: int
-    control: int
 
 
 class _Batch:
@@ -83,22 +72,19 @@ class _Batch:
 class Engine:
     """Executes instructions, beginning at `pc`, the address of the last stop.
 
-    would_interrupt: returns whether an exception is pending that preempts the core if it is not masked. is_masked:
-    returns whether these registers mask it. Raises MissingExtraError without Unicorn.
+    would_interrupt: returns whether an exception is pending that interrupts the program if it is not masked, or a
+    reset. Raises MissingExtraError without Unicorn.
     """
 
-    def __init__(
-        self, chip: Chip, memory: Memory, would_interrupt: Callable[[], bool], is_masked: Callable[[Registers], bool]
-    ) -> None:
+    def __init__(self, chip: Chip, memory: Memory, would_interrupt: Callable[[], bool]) -> None:
         self._unicorn, names = _load_unicorn()
         self._chip = chip
         self._memory = memory
         self._would_interrupt = would_interrupt
-        self._is_masked = is_masked
         self._uc = uc = self._unicorn.Uc(
             self._unicorn.UC_ARCH_ARM, self._unicorn.UC_MODE_THUMB | self._unicorn.UC_MODE_MCLASS
         )
-        self._register = {name: getattr(names, f"UC_ARM_REG_{name}") for name in (*READ, *LEAVE, *FLOAT, "PSP")}
+        self._register = {name: getattr(names, f"UC_ARM_REG_{name}") for name in (*READ, *LEAVE)}
         self._read, self._enter, self._leave, self._program_counter = (
             _Batch(uc, [self._register[name] for name in some]) for some in (READ, ENTER, LEAVE, ("PC",))
         )
@@ -153,24 +139,6 @@ class Engine:
         self._leave.write(status, sp, *low, lr)
         self.pc = pc & ~1
 
-    def read_floats(self) -> list[int]:
-        """Return S0 to S15 in pairs, and FPSCR."""
-        return [self._uc.reg_read(self._register[name]) for name in FLOAT]
-
-    def write_floats(self, values: tuple[int, ...]) -> None:
-        """Set S0 to S15 in pairs, and FPSCR."""
-        for name, value in zip(FLOAT, values, strict=True):
-            self._uc.reg_write(self._register[name], value)
-
-    def read_process_stack(self) -> int:
-        """Return the process stack pointer (PSP)."""
-        sp: int = self._uc.reg_read(self._register["PSP"])
-        return sp
-
-    def write_control(self, value: int) -> None:
-        """Set the CONTROL register, which selects the stack pointer and shows whether floats are in use."""
-        self._uc.reg_write(self._register["CONTROL"], value)
-
     def write_memory(self, address: int, data: bytes) -> None:
         """Write memory, including flash; discard its translated code."""
         self._uc.mem_write(address, data)
@@ -219,22 +187,20 @@ class Engine:
         if self._would_interrupt() and not self._is_masked(self.read_registers()):
             self._stop(INTERRUPTED)
 
+    def _is_masked(self, registers: Registers) -> bool:
+        return bool(registers.primask) and not self._chip.has_expired
+
     def _on_wait(self, *_: Any) -> None:
         self._stop(WAIT_FOR_INTERRUPT)
 
     def _on_exception(self, _: Any, number: int, __: Any) -> None:
         self._stop(number)
-        if number not in (EXCEPTION_RETURN, SUPERVISOR_CALL):
+        if number != EXCEPTION_RETURN:
             self._fault = "executed a breakpoint" if number == BREAKPOINT else f"raised exception {number}"
 
     def _on_unknown_instruction(self, _: Any, __: Any) -> bool:
-        """Return whether an instruction that Unicorn does not support is WFE or YIELD; any other is a fault."""
-        code = self._memory.read_code(self._program_counter.read()[0] - 2, 2)
-        if code == WFE:
-            self._stop(WAIT_FOR_EVENT)
-        elif code != YIELD:
-            self._fault = "executed an invalid instruction"
-        return code in (WFE, YIELD)
+        self._fault = "executed an invalid instruction"
+        return False
 
     def _on_invalid_access(self, _: Any, access: int, address: int, size: int, value: int, __: Any) -> bool:
         what = f" (0x{value:x})" if INVALID_ACCESSES[access] == "wrote" else ""
@@ -290,20 +256,13 @@ def _load_unicorn() -> tuple[Any, Any]:
 
 
 def find_stops(program: bytes) -> tuple[list[int], list[int]]:
-    """Return the offsets after each CPSIE or MSR to a mask, and those of each WFI.
+    """Return the offsets after each CPSIE i, and those of each WFI.
 
     Data that look like such an instruction add offsets that are never executed.
     """
-    halves = Struct(f"<{len(program) // 2}H").unpack_from(program)
-    unmasks, waits = [], []
-    for i, half in enumerate(halves[:-1]):
-        if half & 0xFFFC == 0xB660:  # CPSIE
-            unmasks.append(2 * i + 2)
-        elif half & 0xFFF0 == 0xF380 and halves[i + 1] in (0x8810, 0x8811, 0x8812, 0x8813):
-            unmasks.append(2 * i + 4)
-        elif half == 0xBF30:
-            waits.append(2 * i)
-    return unmasks, waits
+    places = range(0, len(program) - 1, 2)
+    unmasks = [i + 2 for i in places if program[i : i + 2] == CPSIE_I]
+    return unmasks, [i for i in places if program[i : i + 2] == WFI]
 
 
 def plain_store_size(code: bytes) -> int:

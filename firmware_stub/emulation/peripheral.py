@@ -4,8 +4,6 @@ from typing import ClassVar
 
 from hil.common.clock import NEVER_NS, NS_PER_S
 
-WORD = 0xFFFF_FFFF
-
 
 class Time:
     """The chip's clock: simulated nanoseconds since power-up. It does not advance while instructions are executed."""
@@ -43,9 +41,6 @@ class Peripheral:
 
     def tick(self) -> None:
         """Handle the event that is due now."""
-
-    def retime(self) -> None:
-        """Adapt to changed clocks of the chip."""
 
 
 class Ticks:

@@ -7,20 +7,10 @@ from typing import ClassVar
 from firmware_stub.emulation.peripheral import Peripheral, Time
 from hil.common.clock import NEVER_NS, NS_PER_S
 
-SR, DR, BRR, CR1, CR2 = 0x00, 0x04, 0x08, 0x0C, 0x10
-ORE, IDLE, RXNE, TC, TXE = 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7
-RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, M, UE, OVER8 = (
-    1 << 2,
-    1 << 3,
-    1 << 4,
-    1 << 5,
-    1 << 6,
-    1 << 7,
-    1 << 12,
-    1 << 13,
-    1 << 15,
-)
-TWO_STOP_BITS = 1 << 13  # of CR2
+SR, DR, BRR, CR1 = 0x00, 0x04, 0x08, 0x0C
+ORE, RXNE, TXE = 1 << 3, 1 << 5, 1 << 7
+RE, TE, RXNEIE, TXEIE, UE = 1 << 2, 1 << 3, 1 << 5, 1 << 7, 1 << 13
+BITS = 10  # of a byte: start bit, eight of data, stop bit
 LINE_CAPACITY = 4096  # bytes on the line, as in a terminal's buffer; more are lost
 AT_ONCE = 16  # unpaced bytes that a program may read before it has to sleep; no program has a smaller buffer
 
@@ -29,12 +19,12 @@ class Usart(Peripheral):
     """A serial port and its line: bytes come in by `receive`, and go out by `take_output`.
 
     bus_hz: returns the frequency of its bus. interrupt: called with whether it requests its interrupt. With `paced`
-    every byte takes the time from start bit to last stop bit at the baud rate of its registers; otherwise none. `lost`
+    every byte takes the time from start bit to stop bit at the baud rate of its registers; otherwise none. `lost`
     counts bytes that came while it was not receiving, overran the previous one, or exceeded the line's buffer.
-    Not modelled: DMA, parity and framing errors, break, hardware flow control, wake-up, other sizes than 8 bits.
+    Not modelled: DMA, other formats than 8N1, an idle line, framing errors, break, hardware flow control, wake-up.
     """
 
-    RESET: ClassVar[dict[int, int]] = {SR: TXE | TC}
+    RESET: ClassVar[dict[int, int]] = {SR: TXE}
 
     def __init__(self, time: Time, bus_hz: Callable[[], int], interrupt: Callable[[bool], None], paced: bool) -> None:
         super().__init__()
@@ -51,13 +41,12 @@ class Usart(Peripheral):
         """Reset to the state after a reset of the chip. Bytes on the line stay there."""
         super().reset()
         self._data = 0  # the data register, as read
-        self._clears = False  # the status was read: reading the data clears ORE and IDLE
+        self._clears = False  # the status was read: reading the data clears ORE
         self._at_once = 0
         self._shifted: int | None = None  # the byte going out, paced
         self._next: int | None = None  # the byte after it
         self._sent_ns = NEVER_NS
         self._received_ns = NEVER_NS  # when the byte that is coming in is complete
-        self._idle_ns = NEVER_NS
         self._update()
 
     def receive(self, data: bytes) -> None:
@@ -65,10 +54,8 @@ class Usart(Peripheral):
         taken = data[: LINE_CAPACITY - len(self._on_line)]
         self.lost += len(data) - len(taken)
         self._on_line.extend(taken)
-        if self._paced:
-            if self._received_ns == NEVER_NS and data:
-                self._received_ns = self._time.now_ns + self._byte_ns()
-                self._idle_ns = NEVER_NS
+        if self._paced and self._received_ns == NEVER_NS and data:
+            self._received_ns = self._time.now_ns + self.byte_ns()
             self._update()
 
     def take_output(self) -> bytes:
@@ -86,6 +73,10 @@ class Usart(Peripheral):
         self._update()
         return True
 
+    def byte_ns(self) -> int:
+        """Return the duration of a byte (ns), from the bus's frequency and the divider in BRR (RM0090, 30.3.4)."""
+        return max(1, BITS * self.registers.get(BRR, 0) * NS_PER_S // self._bus_hz())
+
     def read(self, offset: int) -> int:
         """Read a register; reading the data makes room for the next byte."""
         if offset == DR:
@@ -95,29 +86,23 @@ class Usart(Peripheral):
         return self.registers.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
-        """Write a register; a write to the data register sends the byte."""
+        """Write a register; a write to the data register sends the byte. The status cannot be written."""
         if offset == DR:
             self._send(value & 0xFF)
             if not self._paced:
                 return  # the byte is sent at once, and no flag changes
-        elif offset == SR:
-            self.registers[SR] &= value | ~(RXNE | TC)  # these two are cleared by writing 0
-        else:
+        elif offset != SR:
             self.registers[offset] = value
         self._update()
 
     def tick(self) -> None:
-        """Complete the byte that is sent or received now, or report an idle line."""
+        """Complete the byte that is sent or received now."""
         now = self._time.now_ns
         if self._sent_ns <= now:
             self._finish_sending()
         if self._received_ns <= now:
             self._take_byte()
-            self._received_ns = now + self._byte_ns() if self._on_line else NEVER_NS
-            self._idle_ns = NEVER_NS if self._on_line else now + self._byte_ns()
-        if self._idle_ns <= now:
-            self._idle_ns = NEVER_NS
-            self.registers[SR] |= IDLE
+            self._received_ns = now + self.byte_ns() if self._on_line else NEVER_NS
         self._update()
 
     def _read_data(self) -> int:
@@ -126,29 +111,24 @@ class Usart(Peripheral):
             self._at_once -= 1
             self._data = self._on_line.popleft()
             return data
-        self.registers[SR] &= ~(RXNE | ORE | IDLE if self._clears else RXNE)
+        self.registers[SR] &= ~(RXNE | ORE if self._clears else RXNE)
         self._clears = False
-        if fresh and not self._paced:
-            self._deliver_next()
+        if fresh and not self._paced and self._at_once > 1 and self._on_line:
+            self._at_once -= 1
+            self._take_byte()
         self._update()
         return data
 
     def _stays_ready(self) -> bool:
         """Return True if no flag changes when the next byte follows at once (unpaced)."""
-        status, enabled = self.registers[SR], self.registers.get(CR1, 0)
-        return status & (RXNE | ORE | IDLE) == RXNE and enabled & (UE | RE) == UE | RE
+        return self.registers[SR] & (RXNE | ORE) == RXNE and self._is_on(RE)
 
-    def _deliver_next(self) -> None:
-        """Deliver the next byte after the program has read one (unpaced), or report an idle line."""
-        if not self._on_line:
-            self.registers[SR] |= IDLE
-        elif self._at_once > 1:
-            self._at_once -= 1
-            self._take_byte()
+    def _is_on(self, direction: int) -> bool:
+        return self.registers.get(CR1, 0) & (UE | direction) == UE | direction
 
     def _take_byte(self) -> None:
         byte = self._on_line.popleft()
-        if self.registers.get(CR1, 0) & (UE | RE) != UE | RE:
+        if not self._is_on(RE):
             self.lost += 1
         elif self.registers[SR] & RXNE:
             self.lost += 1
@@ -158,42 +138,29 @@ class Usart(Peripheral):
             self.registers[SR] |= RXNE
 
     def _send(self, byte: int) -> None:
-        if self.registers.get(CR1, 0) & (UE | TE) != UE | TE:
+        if not self._is_on(TE):
             return
         if not self._paced:
             self._sent.append(byte)
         elif self._shifted is None:
             self._shifted = byte
-            self._sent_ns = self._time.now_ns + self._byte_ns()
-            self.registers[SR] &= ~TC
+            self._sent_ns = self._time.now_ns + self.byte_ns()
         else:
             self._next = byte
-            self.registers[SR] &= ~(TXE | TC)
+            self.registers[SR] &= ~TXE
 
     def _finish_sending(self) -> None:
         if self._shifted is not None:
             self._sent.append(self._shifted)
         self._shifted, self._next = self._next, None
         self.registers[SR] |= TXE
-        if self._shifted is None:
-            self._sent_ns = NEVER_NS
-            self.registers[SR] |= TC
-        else:
-            self._sent_ns = self._time.now_ns + self._byte_ns()
-
-    def _byte_ns(self) -> int:
-        """Return the duration of a byte (ns), from the bus's frequency and the divider in BRR (RM0090, 30.3.4)."""
-        cr1, divider = self.registers.get(CR1, 0), self.registers.get(BRR, 0)
-        bits = 10 + bool(cr1 & M) + bool(self.registers.get(CR2, 0) & TWO_STOP_BITS)
-        if cr1 & OVER8:
-            divider = (divider & 0xFFF0) // 2 + (divider & 7)
-        return max(1, bits * divider * NS_PER_S // self._bus_hz())
+        self._sent_ns = NEVER_NS if self._shifted is None else self._time.now_ns + self.byte_ns()
 
     def _update(self) -> None:
         """Update the interrupt line and, if paced, the time of the next event."""
         status, enabled = self.registers[SR], self.registers.get(CR1, 0)
         # each flag has the same bit as its enable; an overrun uses the enable of RXNE
-        flags = status & enabled & (IDLEIE | RXNEIE | TCIE | TXEIE)
+        flags = status & enabled & (RXNEIE | TXEIE)
         self._interrupt(bool(enabled & UE and (flags or (status & ORE and enabled & RXNEIE))))
         if self._paced:
-            self.due_ns = min(self._sent_ns, self._received_ns, self._idle_ns)
+            self.due_ns = min(self._sent_ns, self._received_ns)

@@ -9,12 +9,12 @@ from firmware_stub.emulation.nvic import FIRST_INTERRUPT
 MS = 1_000_000
 
 
-RCC, USART1, TIM3, TIM1, IWDG, CAN1, GPIOA = (
-    F405_PLACES[name].address for name in ("RCC", "USART1", "TIM3", "TIM1", "IWDG", "CAN1", "GPIOA")
+RCC, USART1, TIM3, IWDG, CAN1, GPIOA = (
+    F405_PLACES[name].address for name in ("RCC", "USART1", "TIM3", "IWDG", "CAN1", "GPIOA")
 )
 
 
-USART1_IRQ, TIM3_IRQ, CAN1_TX_IRQ, CAN1_RX0_IRQ, CAN1_RX1_IRQ = 37, 29, 19, 20, 21
+USART1_IRQ, CAN1_TX_IRQ, CAN1_RX0_IRQ = 37, 19, 20
 
 
 class Program:

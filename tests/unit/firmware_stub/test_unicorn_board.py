@@ -332,7 +332,7 @@ def test_all_clocks_are_right_with_and_without_the_crystal(
     rcc, hz = board._chip.rcc, {"f103": 64_000_000, "f411": 84_000_000}.get(chip, 168_000_000)
     assert rcc.core_hz == hz
     assert board.pwm_us == NEUTRAL
-    assert board._port._byte_ns() == pytest.approx(10e9 / 115_200, rel=0.005)
+    assert board._port.byte_ns() == pytest.approx(10e9 / 115_200, rel=0.005)
     if chip in WITH_CAN:
         timing = board._chip.can.registers[0x1C]
         quanta = 3 + (timing >> 16 & 15) + (timing >> 20 & 7)
