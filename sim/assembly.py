@@ -180,9 +180,9 @@ def make_dynamics(
 def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = (), seed: int = 0) -> ThrusterSet:
     """Return the thrusters of `vehicle`, stepped every `dt` s, with `failures` planned. Raises ConfigError.
 
-    A vehicle with a battery or with rotor dynamics gets `Propulsion`, any other the simpler thruster set.
+    A vehicle with a battery gets `Propulsion`, any other the simpler thruster set.
     """
-    if vehicle.battery or any(t.dynamics for t in vehicle.thrusters):
+    if vehicle.battery:
         from sim.vehicle.thrusters.propulsion import Propulsion
 
         thrusters: ThrusterSet = Propulsion(vehicle, dt, seed)

@@ -25,7 +25,6 @@ from sim.sensors.sensor_set import DEVICES, ONLY_ONE, load_sensor
 from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, hull_form, meshes, vehicle
 from sim.vehicle.fins import Fin
 from sim.vehicle.thrusters import curves as thruster_curves
-from sim.vehicle.thrusters import lags as thruster_lags
 from sim.vehicle.thrusters.model import Thruster
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -117,8 +116,7 @@ def _sensors(converter: Converter, user_class: Schema) -> Schema:
 def _vehicle(converter: Converter) -> Schema:
     curves = {kind: _record(converter, record) for kind, record in thruster_curves.CURVES.items()}
     curves["table"]["properties"]["table"] = OPEN
-    dynamics = {kind: _record(converter, record) for kind, record in thruster_lags.DYNAMICS.items()}
-    models = {"curve": chosen(curves), "dynamics": chosen(dynamics)}
+    models = {"curve": chosen(curves)}
     # Keys may be given once for all thrusters, so none is required in the table of a thruster.
     thruster, fin = table(converter.keys(Thruster, models)), table(converter.keys(Fin))
     given: dict[str, Schema | None] = {

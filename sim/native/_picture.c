@@ -30,9 +30,7 @@ static PyObject *release(Py_buffer *views, int ok)
 
 /* --- light */
 
-enum { COLOURS, GRAIN, DECAYS, DEPTHS, TEXTURE, APPEARANCE }; /* the first views of both functions */
-enum { DISTANCES = APPEARANCE, NORMALS, OBJECTS, TOWARD, OUT, SHADE_VIEWS };
-enum { DIRECTIONS = APPEARANCE, RADIANCE, RANGES, HIT_OBJECTS, PICTURE_VIEWS };
+enum { COLOURS, GRAIN, DECAYS, DEPTHS, TEXTURE, DIRECTIONS, RADIANCE, RANGES, HIT_OBJECTS, PICTURE_VIEWS };
 
 static int set_appearance(Appearance *appearance, Settings *settings, PyObject *numbers, const Py_buffer *views)
 {
@@ -59,54 +57,6 @@ static int raise_size_error(Py_ssize_t n)
 {
     PyErr_Format(PyExc_ValueError, "a buffer has not the size of %zd pixels, or an object no colour", n);
     return 0;
-}
-
-/* Shades hits given in 32-bit floats, as those of a PictureScene. */
-static void shade_all(const Appearance *appearance, const Py_buffer *views, Py_ssize_t n)
-{
-    const float *distances = views[DISTANCES].buf, *normal = views[NORMALS].buf, *toward = views[TOWARD].buf;
-    const int32_t *objects = views[OBJECTS].buf;
-    const Settings *s = appearance->settings;
-    float *out = views[OUT].buf;
-    for (Py_ssize_t i = 0; i < n; i++, normal += 3, toward += 3, out += 3) {
-        Pixel pixel = {.distance = distances[i], .object = objects[i]};
-        for (int axis = 0; axis < 3; axis++) {
-            const double *row = s->rotation + 3 * axis;
-            double along = row[0] * toward[0] + row[1] * toward[1] + row[2] * toward[2];
-            pixel.point[axis] = (float)(s->origin[axis] + (double)distances[i] * along);
-            pixel.normal[axis] = normal[axis];
-            pixel.facing -= normal[axis] * (float)along;
-        }
-        shade_pixel(appearance, &pixel, out);
-    }
-}
-
-static int check_hits(const Py_buffer *views, Py_ssize_t n)
-{
-    const int32_t *objects = views[OBJECTS].buf;
-    int ok = views[DISTANCES].len == 4 * n && views[NORMALS].len == 12 * n && views[TOWARD].len == 12 * n
-                && views[OUT].len == 12 * n;
-    for (Py_ssize_t i = 0; ok && i < n; i++)
-        ok = objects[i] >= NOTHING && objects[i] < views[COLOURS].len / 12;
-    return ok || raise_size_error(n);
-}
-
-static PyObject *shade(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
-{
-    Py_buffer views[MAX_VIEWS] = {{0}};
-    Settings settings;
-    Appearance appearance;
-    (void)self;
-    if (count != 1 + SHADE_VIEWS)
-        return PyErr_Format(PyExc_TypeError, "shade() takes %d arguments", 1 + SHADE_VIEWS);
-    int ok = get_views(arguments + 1, views, SHADE_VIEWS, 1) && set_appearance(&appearance, &settings, arguments[0], views);
-    Py_ssize_t n = views[OBJECTS].len / 4;
-    if (ok && (ok = check_hits(views, n))) {
-        Py_BEGIN_ALLOW_THREADS
-        shade_all(&appearance, views, n);
-        Py_END_ALLOW_THREADS
-    }
-    return release(views, ok);
 }
 
 /* Computes the pixels of traced rays. Each loop is short, so that the processor works on several rays at once. */
@@ -224,8 +174,6 @@ static PyMethodDef functions[] = {
      "develop(key, (gain, full_well, dark, depth_noise, reach), light, falloff, axial, ranges, quantiles, grey, pixels, depths)"},
     {"picture", (PyCFunction)(void (*)(void))picture, METH_FASTCALL,
      "picture(geometry, settings, colours, grain, decays, depths, texture, directions, radiance, ranges, objects)"},
-    {"shade", (PyCFunction)(void (*)(void))shade, METH_FASTCALL,
-     "shade(settings, colours, grain, decays, depths, texture, distances, normals, objects, toward, radiance)"},
     {NULL, NULL, 0, NULL},
 };
 

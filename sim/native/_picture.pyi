@@ -3,20 +3,6 @@ from collections.abc import Sequence
 # Whatever the buffer protocol takes: array, memoryview, numpy.
 Buffer = object
 
-def shade(
-    settings: Sequence[float],
-    colours: Buffer,
-    grain: Buffer,
-    decays: Buffer,
-    depths: Buffer,
-    texture: Buffer,
-    distances: Buffer,
-    normals: Buffer,
-    objects: Buffer,
-    toward: Buffer,
-    radiance: Buffer,
-    /,
-) -> None: ...
 def picture(
     geometry: object,
     settings: Sequence[float],

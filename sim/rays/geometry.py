@@ -24,8 +24,7 @@ class Hits(NamedTuple):
     """The hit of each ray: distance (m, inf for none), point (NED, m), unit normal of the surface, and object.
 
     `points` and `normals` have three numbers a ray, nan without a hit. An object is NOTHING, SEABED or a number of the
-    scene. The arrays are of doubles (in a PictureScene numpy arrays of 32-bit floats) and of 32-bit integers;
-    numpy.asarray uses them without copying.
+    scene. The arrays are of doubles and of 32-bit integers; numpy.asarray uses them without copying.
     """
 
     distances: "array[float]"

@@ -55,10 +55,7 @@ EQUIPMENT = (
 )  # fmt: skip
 COMMON = {"thrusters": "every_thruster", "fins": "every_fin"}  # tables -> table of the keys that they share
 OTHER_KEYS = ("control", *COMMON.values())
-MODELS = {
-    "curve": reader_of("sim.vehicle.thrusters.tables:read_curve"),
-    "dynamics": reader_of("sim.vehicle.thrusters.tables:read_dynamics"),
-}
+MODELS = {"curve": reader_of("sim.vehicle.thrusters.curves:read_curve")}
 # Readers of keys that few vehicles have: their modules are imported only for these.
 READERS: dict[str, Reader] = {
     "thrusters": lambda rows, where: parse_rows(rows, Thruster, where, MODELS),

@@ -31,7 +31,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import DEFAULT_SENSORS, DEVICES, load_sensor
 from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, fins, hull_form, meshes, vehicle
 from sim.vehicle.failures import Failure
-from sim.vehicle.thrusters import curves, lags
+from sim.vehicle.thrusters import curves
 from sim.vehicle.thrusters.model import Azimuth, Thruster
 from tools.reference.records import Section, describe
 
@@ -185,13 +185,11 @@ def vehicle_file() -> str:
     sections = [
         Section("Top level", vehicle.Vehicle, shown_types=linked),
         Section("thrusters", Thruster, "Each `[[thrusters]]` is one thruster. Keys that all have in common may be "
-                "in `[every_thruster]`.", shown_types={"curve": "table with `kind`", "dynamics": "table with `kind`",
+                "in `[every_thruster]`.", shown_types={"curve": "table with `kind`",
                                                        "azimuth": "table, [`azimuth`](#azimuth)"}),
         Section("azimuth", Azimuth, "`azimuth = { ... }` of a thruster."),
         *[Section(f"curve {kind}", record, f"`curve = {{ kind = \"{kind}\", ... }}` of a thruster.",
                   shown_types={"table": "table"}) for kind, record in curves.CURVES.items()],
-        *[Section(f"dynamics {kind}", record, f"`dynamics = {{ kind = \"{kind}\", ... }}` of a thruster.")
-          for kind, record in lags.DYNAMICS.items()],
         Section("fins", fins.Fin, "Each `[[fins]]` is one fin. Keys that all have in common may be in `[every_fin]`."),
         Section("lift", body_lift.Lift),
         Section("cross_flow", body_lift.CrossFlow),

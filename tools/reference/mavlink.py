@@ -49,8 +49,8 @@ def _messages() -> str:
         "up to 50 Hz. Quantities that the\nvehicle does not measure are not sent; water temperature is one of them. "
         "`SCALED_IMU2` and `SCALED_IMU3` repeat\nthe one IMU, `SCALED_PRESSURE` the one pressure. A serial line slower "
         "than 230400 bit/s gets each message\nat 1 Hz at most. Pulse widths are updated at the rate `[ros] joints`, "
-        "10 Hz by default. Speeds and\ncurrents of ESCs are sent if the model of the thruster has them: both with the "
-        "`curve` of the T200,\nspeeds with the `dynamics` of a rotor.\n\n"
+        "10 Hz by default. Speeds and\ncurrents of ESCs are sent if the model of the thruster has them, as with the "
+        "`curve` of the T200.\n\n"
     )
     return text + "| message | Hz |\n|---|---|\n" + "".join(rows)
 

@@ -62,15 +62,6 @@ class Shading:
         self._compiled.picture(geometry, settings, *self._arrays(), directions, radiance, ranges, objects)
         return radiance, ranges, objects
 
-    def shade(self, hits: Any, position: Any, rotation: Any, toward: Floats, lamps: float, water: Water) -> Floats:
-        """Return the radiance at the lens (n x 3) of `hits` along `toward` (unit vectors, n x 3)."""
-        radiance = np.empty((len(toward), 3), np.float32)
-        settings = self._settings(position, rotation, lamps, water)
-        distances, normals = (np.ascontiguousarray(numbers, np.float32) for numbers in (hits.distances, hits.normals))
-        objects = np.ascontiguousarray(hits.objects)
-        self._compiled.shade(settings, *self._arrays(), distances, normals, objects, toward, radiance)
-        return radiance
-
     def _arrays(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         return self._scenery.colours, appearance.grain_tile(), self._transmission, self._depths, self._texture
 

@@ -5,51 +5,14 @@ outside 800..2200 us and limits the thrust.
 """
 
 from math import copysign, pi, sqrt
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-from hil.common.schema import Range
+from hil.common.schema import Range, parse_kind
 from sim.interpolation import interpolate, nearest_pulse
 from sim.vehicle.thrusters.model import Pulse, Thruster
 
 if TYPE_CHECKING:
     from sim.vehicle.thrusters.t200 import Rows
-
-Positive = Annotated[float, Range(1e-9, 1e9)]
-NotNegative = Annotated[float, Range(0.0, 1e9)]
-
-
-class DeadZone(NamedTuple):
-    """An asymmetric dead zone in the square of the command (Bessa et al. 2006; uuv_simulator, "Bessa").
-
-    The command u runs from 0 at the dead band's edge to `full_scale` at the end of the pulse range, in any
-    unit. Thrust is gain_forward (u|u| - delta_forward) above delta_forward, gain_reverse (u|u| + delta_reverse)
-    below -delta_reverse, else 0. Gains in N per squared unit of u, deltas in squared units of u.
-    """
-
-    gain_forward: Positive
-    gain_reverse: Positive
-    delta_forward: NotNegative = 0.0
-    delta_reverse: NotNegative = 0.0
-    full_scale: Positive = 1.0
-
-    def validate(self) -> str | None:
-        """Return what is wrong with the combination of the keys, or None."""
-        if max(self.delta_forward, self.delta_reverse) >= self.full_scale**2:
-            return "delta_forward and delta_reverse must be below the square of full_scale, or nothing ever turns"
-        return None
-
-    def thrust(self, thruster: Thruster, pwm_us: int) -> float:
-        """Return the steady thrust in N."""
-        u = thruster.deflection(pwm_us) * self.full_scale
-        if u > 0.0:
-            return self.gain_forward * max(0.0, u * u - self.delta_forward)
-        return -self.gain_reverse * max(0.0, u * u - self.delta_reverse)
-
-    def pulse(self, thruster: Thruster, thrust: float) -> int:
-        """Return the pulse in us nearest a thrust in N."""
-        if thrust > 0.0:
-            return thruster.pulse_at(sqrt(thrust / self.gain_forward + self.delta_forward) / self.full_scale)
-        return thruster.pulse_at(-sqrt(-thrust / self.gain_reverse + self.delta_reverse) / self.full_scale)
 
 
 class Table(NamedTuple):
@@ -160,4 +123,9 @@ class T200(NamedTuple):
         return rows(pwm_us)
 
 
-CURVES = {"dead_zone": DeadZone, "table": Table, "advance": Advance, "t200": T200}
+CURVES = {"table": Table, "advance": Advance, "t200": T200}
+
+
+def read_curve(table: Any, where: str) -> Any:
+    """Return the record of a thruster's table `curve`. Raises ConfigError."""
+    return parse_kind(table, CURVES, where)

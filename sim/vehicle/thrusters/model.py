@@ -2,13 +2,10 @@
 
 from collections.abc import Sequence
 from math import hypot, inf, pi
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
-
-if TYPE_CHECKING:
-    from sim.vehicle.thrusters.lags import LagModel
 
 Metres = Annotated[float, Range(-50.0, 50.0, "m")]
 Point = tuple[Metres, Metres, Metres]
@@ -81,13 +78,12 @@ class Thruster(NamedTuple):
     with its square. Another `curve` is a table with a `kind` (sim/vehicle/thrusters/curves.py); `max_forward` and
     `max_reverse` limit it, too.
 
-    Thrust follows the curve immediately if `time_constant` is 0, else with this first-order lag, or as the table
-    `dynamics` with its `kind` states (sim/vehicle/thrusters/lags.py). The propeller turns the vehicle by `torque` N m
-    for each N of thrust, right-handed about `direction`. How much thrust it loses near the surface depends on the
-    `diameter` of its propeller (m; sim/vehicle/ventilation.py). If left out it is that of the curve, or one with the
-    same thrust per area as a Blue Robotics T200: 51.5 N with 76 mm at 16 V. With `telemetry` its motor controller
-    reports speed and current, by which the vehicle's controller notices a failure. `azimuth` is the servo that turns it
-    about the vertical (sim/vehicle/thrusters/azimuth.py). Not modelled: torque that is not
+    Thrust follows the curve immediately if `time_constant` is 0, else with this first-order lag. The propeller turns
+    the vehicle by `torque` N m for each N of thrust, right-handed about `direction`. How much thrust it loses near the
+    surface depends on the `diameter` of its propeller (m; sim/vehicle/ventilation.py). If left out it is that of the
+    curve, or one with the same thrust per area as a Blue Robotics T200: 51.5 N with 76 mm at 16 V. With `telemetry` its
+    motor controller reports speed and current, by which the vehicle's controller notices a failure. `azimuth` is the
+    servo that turns it about the vertical (sim/vehicle/thrusters/azimuth.py). Not modelled: torque that is not
     proportional to thrust.
     """
 
@@ -103,7 +99,6 @@ class Thruster(NamedTuple):
     pwm_min_us: Pulse = 1100
     pwm_max_us: Pulse = 1900
     curve: "Curve | None" = None
-    dynamics: "LagModel | None" = None
     torque: Annotated[float, Range(-10.0, 10.0, "m")] = 0.0
     diameter: Annotated[float, Range(0.005, 5.0, "m")] | None = None
     telemetry: bool = True
@@ -130,8 +125,6 @@ class Thruster(NamedTuple):
         low, high = self.pwm_min_us + self.dead_band_us, self.pwm_max_us - self.dead_band_us
         if not low < self.pwm_neutral_us < high:
             return f"thruster {self.name!r}: neutral and dead band leave no pulse to drive it both ways"
-        if self.time_constant and self.dynamics:
-            return f"thruster {self.name!r}: give time_constant or dynamics, not both"
         return None
 
     def deflection(self, pwm_us: float) -> float:

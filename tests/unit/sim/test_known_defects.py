@@ -1,7 +1,7 @@
 """Known defects of simulators and papers: ours does not have them.
 
 Other defects of this kind are tested where they belong: drift noise that depends on the rate (test_sensor_error),
-currents and tides (test_currents), thruster lags without a clock (test_thruster_lags), buoyancy that jumps
+currents and tides (test_currents), thruster lags without a clock (test_thrusters), buoyancy that jumps
 (test_buoyancy), Coriolis forces that do work (test_dynamics), an altitude that is the mean slant range (test_sensors),
 allocation matrices (test_presets), allocation without limits (test_allocation_four).
 """

@@ -80,8 +80,6 @@ class PictureRenderer:
             return shading.cast(geometry, position, rotation, self._directions, lamps, water)
         hits = self._rays.hits(position, self._directions, m.max_range, rotation)
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
-        if shading:
-            return shading.shade(hits, position, rotation, self._toward, lamps, water), ranges, objects
         return self._compute_light(hits, time_ns, position, axes, water, lamps), ranges, objects
 
     def _compute_light(

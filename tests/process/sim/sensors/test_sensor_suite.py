@@ -144,5 +144,5 @@ def test_modules_of_sensors_that_are_not_carried_are_not_loaded() -> None:
     rare = {SENSORS[name].place.partition(":")[0] for name in RARE}
     helpers = {"sim.sensors.extra_samples", "sim.sensors.surface", "sim.geodesy", "hil.ros.sensors"}
     water = {f"sim.environment.{name}" for name in ("water", "waves", "currents", "ocean")}
-    thrusters = {f"sim.vehicle.thrusters.{name}" for name in ("curves", "lags", "t200", "propulsion")}
+    thrusters = {f"sim.vehicle.thrusters.{name}" for name in ("curves", "t200", "propulsion")}
     assert not loaded & (rare | helpers | water | thrusters | {"sim.vehicle.battery", "sim.vehicle.failures"})

@@ -2,7 +2,6 @@
 
 import csv
 from itertools import pairwise
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +10,15 @@ import pytest
 from hil.common.errors import ConfigError
 from sim.assembly import make_thrusters
 from sim.vehicle.thrusters.bank import pulse_finder, steady_thrust
-from sim.vehicle.thrusters.curves import Advance
+from sim.vehicle.thrusters.curves import Advance, read_curve
 from sim.vehicle.thrusters.model import Thruster
 from sim.vehicle.thrusters.t200 import performance, pulse_for
-from sim.vehicle.thrusters.tables import read_curve
 from sim.vehicle.vehicle import load_vehicle
 
 PRESET = Path(__file__).parents[4] / "sim/vehicles/paper_six.toml"
 PLAIN = Thruster("plain", (0, 0, 0), (1, 0, 0), 60.0, 50.0, dead_band_us=25)
 TABLE = {"kind": "table", "pwm_us": [1100, 1450, 1540, 1700, 1900], "thrust_n": [-40.0, 0.0, 0.0, 20.0, 55.0]}
 CURVES: list[dict[str, Any]] = [
-    {"kind": "dead_zone", "gain_forward": 60.0, "gain_reverse": 40.0, "delta_forward": 0.04, "delta_reverse": 0.09},
     TABLE,
     {"kind": "advance", "diameter": 0.076, "full_speed": 58.9, "kt0": 0.43, "kt0_reverse": 0.34, "alpha": 0.5},
     {"kind": "t200"},
@@ -62,17 +59,6 @@ def test_a_table_saturates_at_its_ends() -> None:
     assert steady_thrust(curved(**TABLE), 1620) == pytest.approx(10.0)
 
 
-def test_the_dead_zone_is_that_of_bessa() -> None:
-    """The output is u|u| - delta times the gain, each side its own (deflection 0.5: 25 + 375 / 2 us from neutral)."""
-    thruster = curved(**CURVES[0])._replace(dead_band_us=0.0)
-    assert steady_thrust(thruster, 1700) == pytest.approx(60.0 * (0.25 - 0.04))
-    assert steady_thrust(thruster, 1300) == pytest.approx(-40.0 * (0.25 - 0.09))
-    assert steady_thrust(thruster, 1580) == pytest.approx(0.0, abs=1e-12)
-    assert steady_thrust(thruster, 1390) == 0.0
-    scaled = {**CURVES[0], "full_scale": 10.0, "gain_forward": 0.6, "delta_forward": 4.0}
-    assert steady_thrust(curved(**scaled), 1777) == pytest.approx(steady_thrust(curved(**CURVES[0]), 1777))
-
-
 def held_out_points() -> dict[tuple[int, int], tuple[float, float, float, float]]:
     """Return points of the official table that our table lacks: thrust (N), current, power, rpm."""
     path = Path(__file__).parents[3] / "vectors/t200_held_out.csv"
@@ -104,7 +90,7 @@ def test_the_t200_curve_interpolates_between_voltages() -> None:
 
 def test_thrust_falls_with_the_advance_speed() -> None:
     """The thrust is rho D⁴ n² (KT0 - alpha J) at full speed, J = v / (n D); a stopped propeller loses nothing."""
-    thruster = curved(**CURVES[2])._replace(max_forward=1e3, max_reverse=1e3)
+    thruster = curved(**CURVES[1])._replace(max_forward=1e3, max_reverse=1e3)
     vehicle = load_vehicle("paper_six")[0]._replace(thrusters=(thruster._replace(position=(0.0, 1.0, 0.0)),))
     thrusters = make_thrusters(vehicle, 0.01)
     assert thrusters.needs_inflow
@@ -124,12 +110,11 @@ def test_thrust_falls_with_the_advance_speed() -> None:
 @pytest.mark.parametrize(
     ("curve", "message"),
     [
-        ({"kind": "t-200"}, "kind: 't-200' is not one of dead_zone, table, advance, t200"),
+        ({"kind": "t-200"}, "kind: 't-200' is not one of table, advance, t200"),
         ({**TABLE, "thrust_n": [-40.0, 0.0, 1.0, 0.5, 55.0]}, "thrust_n: each must be at least"),
         ({**TABLE, "pwm_us": [1100, 1450, 1450, 1700, 1900]}, "pwm_us: each must be greater"),
         ({**TABLE, "thrust_n": [1.0]}, "5 pwm_us and 1 thrust_n"),
         ({**TABLE, "thrust_n": [0.0, 0.0, 0.0, 20.0, 55.0]}, "begins with full reverse"),
-        ({**CURVES[0], "delta_forward": 1.0}, "nothing ever turns"),
     ],
 )
 def test_wrong_curves_are_reported(curve: dict[str, Any], message: str) -> None:
@@ -138,24 +123,16 @@ def test_wrong_curves_are_reported(curve: dict[str, Any], message: str) -> None:
     assert message in str(caught.value)
 
 
-def test_a_vehicle_file_sets_curve_and_dynamics(tmp_path: Path) -> None:
+def test_a_vehicle_file_sets_curves(tmp_path: Path) -> None:
     """One is set for all thrusters at once, and one for a single one; a thruster of each kind runs."""
-    text = PRESET.read_text().replace("time_constant = 0.05", "# no lag")
-    text = text.replace(
-        "[every_thruster]",
-        '[every_thruster]\ncurve = { kind = "t200" }\ndynamics = { kind = "yoerger", alpha = 0.1, full_speed = 370 }',
-    )
-    own = 'name = "rear_left"\ncurve = { kind = "dead_zone", gain_forward = 50, gain_reverse = 40 }\n'
+    text = PRESET.read_text().replace("[every_thruster]", '[every_thruster]\ncurve = { kind = "t200" }')
+    own = 'name = "rear_left"\ncurve = { kind = "table", pwm_us = [1100, 1900], thrust_n = [-40, 40] }\n'
     path = tmp_path / "mine.toml"
     path.write_text(text.replace('name = "rear_left"\n', own))
     vehicle, control = load_vehicle(str(path))
     assert control
-    assert [type(t.curve).__name__ for t in vehicle.thrusters] == ["T200"] * 3 + ["DeadZone"] + ["T200"] * 2
+    assert [type(t.curve).__name__ for t in vehicle.thrusters] == ["T200"] * 3 + ["Table"] + ["T200"] * 2
     thrusters = make_thrusters(vehicle, 0.0025)
     for _ in range(400):
         thrusters.step((1800,) * 6)
-    assert thrusters.thrusts == pytest.approx([33.54] * 3 + [50.0 * (272 / 372) ** 2] + [33.54] * 2, abs=0.01)
-    assert 2 * pi * performance(1800, 16.0).rpm / 60 < 370
-    path.write_text(text.replace("# no lag", "time_constant = 0.05"))
-    with pytest.raises(ConfigError, match="'front_right': give time_constant or dynamics, not both"):
-        load_vehicle(str(path))
+    assert thrusters.thrusts == pytest.approx([33.54] * 3 + [30.0] + [33.54] * 2, abs=0.01)
