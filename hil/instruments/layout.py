@@ -1,10 +1,53 @@
-"""Messages that are declared as text: formats of `struct`, each with the quantity that it carries."""
+"""Messages that are declared as text: fields with the letters of `struct`, and where each value comes from.
 
+The tables of a device, devices/NAME.toml, hold its messages, its registers, the limits of its settings and their values
+at power on.
+"""
+
+import os
+import struct
 from collections.abc import Callable, Mapping, Sequence
-from struct import pack
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
+
+from hil.common.schema import preset_folder
+from hil.common.tables import read_table
 
 Of = TypeVar("Of")
+
+
+def read_device(name: str) -> dict[str, Any]:
+    """Return the tables of a device."""
+    return read_table(os.path.join(preset_folder("hil/instruments/devices"), f"{name}.toml"))
+
+
+class Message(NamedTuple):
+    """The layout of a message: its fixed fields in order, little endian; data follow them if it `has_data`."""
+
+    name: str
+    layout: struct.Struct
+    fields: tuple[str, ...]
+    has_data: bool
+
+    def pack(self, values: Mapping[str, Any], data: bytes = b"") -> bytes:
+        """Return the payload with the fields' values, and the data if it has any."""
+        return self.layout.pack(*[values[name] for name in self.fields]) + (data if self.has_data else b"")
+
+    def unpack(self, payload: bytes) -> dict[str, Any] | None:
+        """Return the fields' values by their names; None if the payload has another length."""
+        if len(payload) != self.layout.size:
+            return None
+        return dict(zip(self.fields, self.layout.unpack(payload), strict=True))
+
+
+def read_messages(table: Mapping[str, str]) -> dict[int, Message]:
+    """Return layouts by their numbers from texts such as "range scan_start:I scan_length:I"."""
+    found = {}
+    for number, text in table.items():
+        name, *words = text.split()
+        pairs = [word.split(":") for word in words if word != "*"]
+        layout = struct.Struct("<" + "".join(letter for _, letter in pairs))
+        found[int(number)] = Message(name, layout, tuple(field for field, _ in pairs), words[-1:] == ["*"])
+    return found
 
 
 def pack_layout(layout: str, quantities: Mapping[str, Callable[[Of], Sequence[Any]]], of: Of) -> bytes:
@@ -16,5 +59,5 @@ def pack_layout(layout: str, quantities: Mapping[str, Callable[[Of], Sequence[An
     for part in layout.split():
         form, _, name = part.partition(":")
         values = quantities[name](of) if name in quantities else [int(name)] if name else ()
-        data += pack(f"<{form}", *values)
+        data += struct.pack(f"<{form}", *values)
     return data

@@ -8,12 +8,12 @@ from hil.common.clock import NEVER_NS
 from hil.instruments.contract import Facts, Scene, Send
 from hil.instruments.ping.protocol import PingDevice
 from sim.rotations import from_euler, multiply, to_euler
-from sim.sensors.error import ErrorModel
 from sim.sensors.imaging.samples import EchoSample
 from sim.sensors.imaging.scanning_sonar import ScanningSonar, ScanningSonarModel
 
 _PROCESSING_NS = 5_000_000  # after the last echo; our choice
 _NEAR = 3  # points on each side of the bottom among which its strongest echo is
+MODEL_DB = 12.0  # gain with which the echoes are those of the simulated sensor's defaults
 
 
 class Window(NamedTuple):
@@ -21,9 +21,9 @@ class Window(NamedTuple):
 
     start: float
     length: float
+    speed: float
     points: int
     gain: float
-    speed: float
 
 
 class Sounding(NamedTuple):
@@ -35,13 +35,18 @@ class Sounding(NamedTuple):
 
 
 class EchoSounder(PingDevice):
-    """A device that pings again and again, from `window`, and reports each ping when its last echo has come.
+    """A device that pings again and again and reports each ping when its last echo has come.
 
-    Its beam is about the z axis of its sensor.
+    `covered` are its fields of begin and length (mm) and speed of sound (mm/s), `gain` that of the number of its gain,
+    one of `gains` (dB), `number_of_points` that of a ping's results. It reaches `reach` m. Its beam is about the z
+    axis of its sensor.
     """
 
     sensors = ("echosounder",)
-    frequency = 0.0  # Hz
+    frequency = reach = 0.0  # Hz, m
+    covered: tuple[str, str, str]
+    gain = ""
+    gains: list[float]
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
@@ -51,19 +56,19 @@ class EchoSounder(PingDevice):
         self._window: Window | None = None
         self._sensor: Any = None
         self.next_ns = self._result_ns = NEVER_NS  # when it pings next, and reports
-        self._sounding: tuple[Window, Sounding] | None = None
-
-    @abstractmethod
-    def window(self) -> Window | None:
-        """Return what the next ping covers; None if there is none."""
+        self._sounding: tuple[float, Sounding]
 
     @abstractmethod
     def interval_ns(self) -> int:
         """Return the least time between two pings."""
 
     @abstractmethod
-    def report(self, window: Window, sounding: Sounding, at_ns: int) -> None:
-        """Take a ping that is complete at `at_ns`."""
+    def is_on(self) -> bool:
+        """Return whether it pings."""
+
+    @abstractmethod
+    def report(self, end: float, distance: float, sounding: Sounding, at_ns: int) -> None:
+        """Take a ping to the range `end` (m) that is complete at `at_ns`; `distance` is that end without an echo."""
 
     def start(self, now_ns: int) -> None:
         """Begin to ping."""
@@ -73,21 +78,34 @@ class EchoSounder(PingDevice):
         """Report and ping when it is due."""
         if self._result_ns <= now_ns:
             at_ns, self._result_ns = self._result_ns, NEVER_NS
-            if self._sounding:
-                self.report(*self._sounding, at_ns)
+            end, sounding = self._sounding
+            self.report(end, end if isnan(sounding.distance) else sounding.distance, sounding, at_ns)
         if self.next_ns <= now_ns:
             self._ping(now_ns)
         return min(self.next_ns, self._result_ns)
 
+    def adapt(self, end: float, sounding: Sounding, the_range: bool, the_gain: bool) -> None:
+        """Choose the next range, with the bottom at two thirds, and gain: the strongest echo high, within the limit."""
+        values, (start, length, _), distance = self.values, self.covered, sounding.distance
+        if the_range:
+            is_fitting = 0.4 * end < distance < 0.85 * end
+            best = end if is_fitting else min(max(1.5 * distance, 1.0), self.reach)
+            best = min(2.0 * end, self.reach) if isnan(distance) else best
+            values |= {start: 0, length: round(1000.0 * best)}
+        if the_gain:
+            peak = max(sounding.profile)
+            values[self.gain] = min(max(values[self.gain] + (peak < 100) - (peak >= 255), 0), len(self.gains) - 1)
+
     def _ping(self, now_ns: int) -> None:
-        window = self.window()
-        listening_ns = _PROCESSING_NS
-        if window:
-            listening_ns += round(2e9 * (window.start + window.length) / window.speed)
+        values, listening_ns, measured = self.values, _PROCESSING_NS, None
+        if self.is_on():
+            start, length, speed = [values[name] / 1000.0 for name in self.covered]
+            window = Window(start, length, speed, values["number_of_points"], MODEL_DB + self.gains[values[self.gain]])
+            listening_ns += round(2e9 * (start + length) / speed)
+            measured = self._measure(window, now_ns)
+            if measured:
+                self._sounding, self._result_ns = (start + length, measured), now_ns + listening_ns
         self.next_ns = max(self.next_ns + max(self.interval_ns(), listening_ns), now_ns)
-        measured = self._measure(window, now_ns) if window else None
-        if window and measured:
-            self._sounding, self._result_ns = (window, measured), now_ns + listening_ns
 
     def _measure(self, window: Window, now_ns: int) -> Sounding | None:
         """Return a ping; None while the vehicle's state is not known."""
@@ -98,8 +116,7 @@ class EchoSounder(PingDevice):
         sample = self.scene.measure(self._sensor, now_ns) if state else None
         if state is None or not isinstance(sample, EchoSample):
             return None
-        true = sample.scan.ranges[0]
-        profile = sample.echoes.intensities
+        true, profile = sample.scan.ranges[0], sample.echoes.intensities
         distance = true * window.speed / self.facts.sound_speed(self._mounting.depth(state))
         if not (isfinite(true) and window.start <= distance < window.start + window.length):
             return Sounding(float("nan"), 0, profile)
@@ -111,25 +128,10 @@ class EchoSounder(PingDevice):
     def _build(self, window: Window) -> Any:
         given = self.facts.model
         # The error of the scale stands for that of the speed of sound, which the device is told here.
-        error: ErrorModel = given.error._replace(scale=0.0)
         model = ScanningSonarModel(
             rate=4.0, beam_width=given.beam_width, beam_height=given.beam_width, rings=given.rings,
-            min_range=window.start, max_range=window.start + window.length, error=error, bins=window.points,
-            frequency=self.frequency, sound_speed=window.speed, gain=window.gain, side_lobes=0.0,
+            min_range=window.start, max_range=window.start + window.length, error=given.error._replace(scale=0.0),
+            bins=window.points, frequency=self.frequency, sound_speed=window.speed, gain=window.gain, side_lobes=0.0,
             ground_truth=False, slices=3, rays=32,
         )  # fmt: skip
         return self.scene.build(model, self._mounting, ScanningSonar)
-
-
-def adapted_range(sounding: Sounding, end: float, reach: float) -> float:
-    """Return the end (m) of the next range, so that the bottom is at about two thirds of it."""
-    if isnan(sounding.distance):
-        return min(2.0 * end, reach)
-    is_fitting = 0.4 * end < sounding.distance < 0.85 * end
-    return end if is_fitting else min(max(1.5 * sounding.distance, 1.0), reach)
-
-
-def adapted_gain(sounding: Sounding, gain: int, highest: int) -> int:
-    """Return the number of the next gain, so that the strongest echo is high and within the limit."""
-    peak = max(sounding.profile)
-    return min(max(gain + (peak < 100) - (peak >= 255), 0), highest)
