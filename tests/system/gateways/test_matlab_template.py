@@ -211,32 +211,6 @@ def test_a_function_in_the_user_s_folder_replaces_that_of_the_template(tmp_path:
     assert float(turn) == pytest.approx(0.25, abs=0.15)
 
 
-SYSTEMS = f"""
-addpath('{ROOT / "tests" / "support" / "matlab"}');
-__parse_file__('{MATLAB / "+uuv" / "build_model.m"}');
-plant = VehicleRunner();
-planner = PlannerRunner();
-plant.Port = planner.Port = gateway.port;
-planner.begin();
-plant.begin();
-command = [0; 0];
-for k = 1:60
-  [time, position, heading, ranges, angles] = plant.run(command);
-  [command, done] = planner.run(time, position, heading, ranges, angles);
-end
-printf('%.2f\\n', time, position(1:2), command(1), done, numel(ranges));
-"""
-
-
-def test_the_simulink_blocks_run_with_a_substitute_base_class(tmp_path: Path) -> None:
-    """The blocks run without Simulink: their steps move the vehicle towards the first station."""
-    with serve(tmp_path, "task_scheduling.toml") as (_, gateway):
-        time, north, east, surge, done, beams = map(float, run(tmp_path, gateway, SYSTEMS))
-    assert time > 2.5
-    assert north + east > 0.2
-    assert (surge > 0.2, done, beams) == (True, 0, 181)
-
-
 def test_the_program_of_the_tutorial_runs_in_octave(tmp_path: Path) -> None:
     page = ROOT / "docs" / "tutorials" / "matlab.md"
     text = "".join(block.text for block in blocks("matlab", page=page))

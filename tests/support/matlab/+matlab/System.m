@@ -1,2 +1,0 @@
-classdef System < handle
-end
