@@ -26,8 +26,6 @@ These parameters belong to the slave. They are lost when it ends.
 - `HIL_G_LOOP_KEY`: gains of its controller. Values of `LOOP`: `SURGE`, `SWAY`, `HEAVE`, `RLLR`, `PITR`, `YAWR`,
   `DEPTH`, `HDG`, `ROLL`, `PITCH`. Values of `KEY`: `P`, `I`, `D`, `LIM`, `FF`, `FILT`, `SLEW`. The `P` of the last four
   loops are `PSC_POSZ_P`, `ATC_ANG_YAW_P`, `ATC_ANG_RLL_P` and `ATC_ANG_PIT_P`.
-- `HIL_FAIL1_KIND`: failure of thruster 1 (0 none, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy).
-- `HIL_FAIL1_VALUE`: size of that failure. Its unit depends on the kind: a share (2, 5), µs (3), s (4).
 """
 TYPES = {getattr(dialect, f"MAV_PARAM_TYPE_{word}"): word.lower() for word in ("INT8", "INT16", "INT32", "REAL32")}
 

@@ -41,15 +41,14 @@ def main(arguments: list[str]) -> int:
     settings = _settings(options, scenario)
     network, security = network_of(scenario)
     from hil.gateways.mavlink.assembly import camera_rate, defaults_of, motors_of, origin_of, parameter_file
-    from hil.gateways.mavlink.endpoints.opening import open_link
-    from hil.gateways.mavlink.gateway import Gateway
+    from hil.gateways.mavlink.gateway import Gateway, open_link
     from hil.gateways.mavlink.parameter_table import ParameterTable
     from hil.gateways.mavlink.protocols.signing import SigningKey
     from hil.gateways.mavlink.vehicle_port import NetworkVehicle
 
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
-        links = [open_link(parse_endpoint(text), _print) for text in settings.endpoints]
+        links = [open_link(text, _print) for text in settings.endpoints]
         session = stack.enter_context(open_master_session(*endpoints, network=network, security=security))
         node = options.vehicle or (scenario.slave.node if scenario else "uuv1")
         rtp = _open_rtp(stack, settings.rtp, camera_rate(scenario, settings.camera))

@@ -1,6 +1,8 @@
 """Buttons of the joystick: BTNn_FUNCTION and, with a shift button held, BTNn_SFUNCTION. The numbers are ArduSub's."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
+from itertools import product
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -20,7 +22,7 @@ FIRST_RELAY, FIRST_SERVO, OF_BUTTONS = 51, 61, 3  # functions of three relays (o
 SERVO_STEP = 0.0625  # share of its range
 TURN_RATE = 1.0 / 3.0  # share of the camera's range a second
 LONGEST_S = 0.1  # that a button counts as held between two packets
-Action = Callable[[Core], object]
+Action = Callable[[], object]
 
 
 class Buttons:
@@ -30,7 +32,7 @@ class Buttons:
         self._core = core
         self._before = self._received_ns = 0
         self._held_s = 0.0
-        self._actions = _actions(self)
+        self._actions = self._find_actions()
 
     def receive(self, mask: int, now: int) -> None:
         """Take the buttons of a packet, a bit each."""
@@ -46,92 +48,69 @@ class Buttons:
                 continue
             action = self._actions.get(function)
             if action:
-                action(core)
+                action()
             else:
                 core.complain(f"button {button}: {name} {function} is not supported", now)
 
-    def turn(self, name: str, sign: float) -> Action:
-        """Return the function that turns the camera while its button is held."""
-        return lambda core: core.accessories.change(name, sign * TURN_RATE * self._held_s)
+    def _find_actions(self) -> Mapping[int, Action]:
+        core = self._core
+        accessories = core.accessories
+        actions: dict[int, Action] = {
+            2: lambda: core.disarm() if core.pilot.armed else self._arm(), 3: self._arm, 4: core.disarm,
+            21: self._centre, 41: self._toggle_gain, 42: partial(self._change_gain, 1),
+            43: partial(self._change_gain, -1), 48: self._hold, 49: self._turn_hull,
+        }  # fmt: skip
+        actions |= {function: partial(core.set_mode, mode) for function, mode in MODES.items()}
+        for function, (name, sign) in zip(TURNS, product(("CamTilt", "CamPan"), (1.0, -1.0)), strict=True):
+            actions[function] = partial(self._turn, name, sign)
+        for first, name in ((31, "Lights1"), (34, "Lights2")):
+            steps = enumerate((0.0, 1.0, -1.0), first)
+            actions |= {function: partial(self._light, name, sign) for function, sign in steps}
+        for number in range(OF_BUTTONS):
+            relay = enumerate((True, False, None), FIRST_RELAY + 3 * number)
+            actions |= {function: partial(accessories.switch, number, on) for function, on in relay}
+            first, output = FIRST_SERVO + 5 * number, FIRST + number
+            steps = enumerate((SERVO_STEP, -SERVO_STEP), first)
+            actions |= {function: partial(self._step, output, step) for function, step in steps}
+            ends = enumerate((LEAST_US, MOST_US, PWM_NEUTRAL_US), first + 2)
+            actions |= {function: partial(accessories.set_pulse, output, pulse) for function, pulse in ends}
+        return actions
 
-    def arm(self, core: Core) -> None:
-        """Arm."""
-        core.arm(self._received_ns, lambda _result: None)
+    def _arm(self) -> None:
+        self._core.arm(self._received_ns, lambda _result: None)
 
+    def _turn(self, name: str, sign: float) -> None:
+        self._core.accessories.change(name, sign * TURN_RATE * self._held_s)
 
-def _actions(buttons: Buttons) -> Mapping[int, Action]:
-    actions: dict[int, Action] = {
-        2: lambda core: core.disarm() if core.pilot.armed else buttons.arm(core), 3: buttons.arm,
-        4: lambda core: core.disarm(), 21: _centre,
-        22: buttons.turn("CamTilt", 1.0), 23: buttons.turn("CamTilt", -1.0),
-        26: buttons.turn("CamPan", 1.0), 27: buttons.turn("CamPan", -1.0),
-        41: _toggle_gain, 42: _change_gain(1), 43: _change_gain(-1), 48: _hold, 49: _turn_hull,
-    }  # fmt: skip
-    for function, mode in MODES.items():
-        actions[function] = _change_mode(mode)
-    for first, name in ((31, "Lights1"), (34, "Lights2")):
-        actions |= {first: _cycle(name), first + 1: _light(name, 1.0), first + 2: _light(name, -1.0)}
-    for number in range(OF_BUTTONS):
-        first = FIRST_RELAY + 3 * number
-        actions |= {first + place: _switch(number, on) for place, on in enumerate((True, False, None))}
-        first, output = FIRST_SERVO + 5 * number, FIRST + number
-        actions |= {first: _step(output, SERVO_STEP), first + 1: _step(output, -SERVO_STEP)}
-        ends = enumerate((LEAST_US, MOST_US, PWM_NEUTRAL_US), first + 2)
-        actions |= {function: _pulse(output, pulse) for function, pulse in ends}
-    return actions
+    def _centre(self) -> None:
+        for name in ("CamTilt", "CamPan"):
+            self._core.accessories.turn_to(name, 0.0)
 
+    def _light(self, name: str, sign: float) -> None:
+        """Change the lights by a step; with 0 up to full, and then off."""
+        accessories, step = self._core.accessories, 1.0 / max(1.0, self._core.table["JS_LIGHTS_STEPS"])
+        accessories.change(name, sign * step if sign else -1.0 if accessories.share(name) >= 1.0 else step)
 
-def _change_mode(mode: int) -> Action:
-    return lambda core: core.set_mode(mode)
+    def _step(self, output: int, step: float) -> None:
+        pulse = self._core.accessories.pulses.get(output, PWM_NEUTRAL_US)
+        self._core.accessories.set_pulse(output, pulse + step * (MOST_US - LEAST_US))
 
+    def _change_gain(self, steps: int) -> None:
+        self._say(f"Gain is {100.0 * self._core.pilot.joystick.change_gain(steps):.0f}%")
 
-def _centre(core: Core) -> None:
-    for name in ("CamTilt", "CamPan"):
-        core.accessories.turn_to(name, 0.0)
+    def _toggle_gain(self) -> None:
+        joystick = self._core.pilot.joystick
+        joystick.gain = 0.5 if joystick.gain > 0.5 else 1.0
+        self._say(f"Gain: {100.0 * joystick.gain:.0f}%")
 
+    def _hold(self) -> None:
+        if self._core.pilot.armed:
+            self._say("Input Hold Set" if self._core.pilot.joystick.hold() else "Input Hold Disabled")
 
-def _light(name: str, sign: float) -> Action:
-    return lambda core: core.accessories.change(name, sign / max(1.0, core.table["JS_LIGHTS_STEPS"]))
+    def _turn_hull(self) -> None:
+        joystick = self._core.pilot.joystick
+        joystick.turns_hull = not joystick.turns_hull
+        self._say("Attitude Control" if joystick.turns_hull else "Movement Control")
 
-
-def _cycle(name: str) -> Action:
-    def cycle(core: Core) -> None:
-        is_full = core.accessories.share(name) >= 1.0
-        core.accessories.change(name, -1.0 if is_full else 1.0 / max(1.0, core.table["JS_LIGHTS_STEPS"]))
-
-    return cycle
-
-
-def _change_gain(steps: int) -> Action:
-    return lambda core: core.texts.append((6, f"#Gain is {100.0 * core.pilot.joystick.change_gain(steps):.0f}%"))
-
-
-def _toggle_gain(core: Core) -> None:
-    joystick = core.pilot.joystick
-    joystick.gain = 0.5 if joystick.gain > 0.5 else 1.0
-    core.texts.append((6, f"#Gain: {100.0 * joystick.gain:.0f}%"))
-
-
-def _hold(core: Core) -> None:
-    if core.pilot.armed:
-        core.texts.append((6, "#Input Hold Set" if core.pilot.joystick.hold() else "#Input Hold Disabled"))
-
-
-def _turn_hull(core: Core) -> None:
-    joystick = core.pilot.joystick
-    joystick.turns_hull = not joystick.turns_hull
-    core.texts.append((6, "#Attitude Control" if joystick.turns_hull else "#Movement Control"))
-
-
-def _switch(relay: int, on: bool | None) -> Action:
-    return lambda core: core.accessories.switch(relay, on)
-
-
-def _step(output: int, step: float) -> Action:
-    return lambda core: core.accessories.set_pulse(
-        output, core.accessories.pulses.get(output, PWM_NEUTRAL_US) + step * (MOST_US - LEAST_US)
-    )
-
-
-def _pulse(output: int, pulse: int) -> Action:
-    return lambda core: core.accessories.set_pulse(output, pulse)
+    def _say(self, text: str) -> None:
+        self._core.texts.append((6, f"#{text}"))

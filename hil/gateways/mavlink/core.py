@@ -17,7 +17,6 @@ from hil.gateways.mavlink.flight.modes import MODES, Mode, mode_name, mode_of
 from hil.gateways.mavlink.flight.pilot import Pilot
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.missions import MissionProtocol
-from hil.gateways.mavlink.protocols.parameters import ParameterProtocol
 from hil.gateways.mavlink.snapshot import Context, Origin, Snapshot, ThrusterTest
 from hil.gateways.mavlink.telemetry import place_e7
 from hil.gateways.mavlink.vehicle_port import NetworkVehicle
@@ -54,7 +53,6 @@ class Core:
         motors: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.port, self.table, self.start_ns = port, table, start_ns
-        self.is_ardupilot = settings.autopilot == "ardupilot"
         self.system = settings.system
         self.texts: deque[tuple[int, str]] = deque(maxlen=50)
         self.messages: deque[Any] = deque(maxlen=50)  # for all ground stations
@@ -67,12 +65,9 @@ class Core:
         self._origin_is_given = False
         if origin:
             self.set_origin(origin)
-        first = 1 if self.is_ardupilot else 0
-        self.flight = MissionFlight(table, lambda: self.origin, lambda: self.home, first)
+        self.flight = MissionFlight(table, lambda: self.origin, lambda: self.home)
         self.pilot = Pilot(table, self.flight)
-        home = self._home_item if self.is_ardupilot else None
-        self.missions = MissionProtocol(self._on_new_mission, lambda: self.origin, home)
-        self.parameters = ParameterProtocol(table)
+        self.missions = MissionProtocol(self._on_new_mission, lambda: self.origin, self._home_item)
         self.accessories = Accessories(port.set_accessory)
         self._turns = self._heading = 0.0  # turns of the tether, and the heading (rad) at which they were counted
         self._complaints: dict[str, int] = {}  # text -> when it was sent
@@ -319,8 +314,7 @@ class Core:
 
     def _on_new_mission(self, items: Sequence[Item]) -> None:
         self.flight.replace(items)
-        count = max(0, len(items) - 1) if self.is_ardupilot else len(items)
-        self.texts.append((6, f"mission: {count} items"))
+        self.texts.append((6, f"mission: {max(0, len(items) - 1)} items"))
 
     def _home_item(self) -> Item:
         latitude, longitude = place_e7(self.context(0, 0), self.home)

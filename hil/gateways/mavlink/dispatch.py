@@ -13,11 +13,12 @@ from hil.gateways.mavlink.accessories import CHANNELS, STICK_CHANNELS
 from hil.gateways.mavlink.buttons import Buttons
 from hil.gateways.mavlink.commands import Commands
 from hil.gateways.mavlink.core import MINUTE_NS, Core, mission_current
-from hil.gateways.mavlink.endpoints.peer import COMPONENT, Peer
 from hil.gateways.mavlink.flight import modes, targets
 from hil.gateways.mavlink.flight.sticks import CENTRED
 from hil.gateways.mavlink.messages import GIVEN, GROUND, OWN_SENSORS, REFUSED, TAKEN, UNANSWERED
 from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor, ProtocolVersion
+from hil.gateways.mavlink.parameter_table import GATEWAY
+from hil.gateways.mavlink.peer import COMPONENT, Peer
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
 from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR, number_of
 from hil.gateways.mavlink.snapshot import Context
@@ -87,7 +88,7 @@ class Dispatcher:
         """Send each peer the messages that are due, and new ones to all. To be called behind `Core.tick`."""
         core = self.core
         for name, reason in core.port.pop_settled():
-            self._broadcast(core.parameters.value_of(name))
+            self._broadcast(core.table.messages(name))
             if reason:
                 core.texts.append((4, reason))
         while core.texts:
@@ -134,8 +135,7 @@ class Dispatcher:
         core = self.core
         status = dialect.MAV_STATE_ACTIVE if core.pilot.armed else dialect.MAV_STATE_STANDBY
         return dialect.MAVLink_heartbeat_message(
-            dialect.MAV_TYPE_SUBMARINE,
-            dialect.MAV_AUTOPILOT_ARDUPILOTMEGA if core.is_ardupilot else dialect.MAV_AUTOPILOT_GENERIC,
+            dialect.MAV_TYPE_SUBMARINE, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
             modes.base_mode(core.pilot.mode, core.pilot.armed), core.pilot.mode,
             status, MAVLINK_VERSION,
         )  # fmt: skip
@@ -156,7 +156,7 @@ class Dispatcher:
         ):  # fmt: skip
             peer.send(*self.core.missions.refuse(packet, _partner(peer, packet)))
         elif packet.get_msgId() == dialect.MAVLINK_MSG_ID_PARAM_SET:
-            peer.send(*self.core.parameters.value_of(str(packet.param_id)))
+            peer.send(*self.core.table.messages(packet.param_id))
 
     def _heartbeat(self, _: Peer, packet: Any, now: int) -> None:
         if packet.type == dialect.MAV_TYPE_GCS:
@@ -222,8 +222,7 @@ class Dispatcher:
         capabilities = 0
         for word in texts:
             capabilities |= getattr(dialect, kind + word)
-        own = [int(part) for part in __version__.split(".") if part.isdigit()] + [0, 0, 0]
-        major, minor, patch, *_ = ARDUSUB if self.core.is_ardupilot else own
+        major, minor, patch = ARDUSUB
         version = major << 24 | minor << 16 | patch << 8 | dialect.FIRMWARE_VERSION_TYPE_DEV
         custom = list(__version__.encode().ljust(8, b"\0")[:8])
         return dialect.MAVLink_autopilot_version_message(
@@ -236,15 +235,24 @@ class Dispatcher:
             self.core.complain(f"REQUEST_DATA_STREAM {group}: no such group, see MAV_DATA_STREAM", now, MINUTE_NS)
 
     def _parameter_list(self, peer: Peer, _packet: Any, _now: int) -> None:
-        peer.send_later(self.core.parameters.request_list())
+        peer.send_later(self.core.table.messages())
 
     def _parameter_read(self, peer: Peer, packet: Any, _: int) -> None:
-        peer.send(*self.core.parameters.request_read(packet))
+        index, names = packet.param_index, self.core.table.names()
+        if index < len(names):
+            peer.send(*self.core.table.messages(packet.param_id if index < 0 else names[index]))
 
     def _parameter_set(self, _: Peer, packet: Any, _now: int) -> None:
-        messages, texts = self.core.parameters.request_set(packet)
-        self._broadcast(messages)
-        self.core.texts.extend(texts)
+        """Set one; of one that the slave is to set the value follows when that is done."""
+        table, name = self.core.table, packet.param_id.partition("\0")[0]
+        reason = table.set(name, packet.param_value)
+        if reason:
+            self.core.texts.append((4, reason))
+        elif table.is_of_slave(name):
+            return
+        elif GATEWAY[name].group == "stored":
+            self.core.texts.append((6, f"{name} is stored, and changes nothing in this vehicle"))
+        self._broadcast(table.messages(name))
 
     def _mission_list(self, peer: Peer, packet: Any, _: int) -> None:
         peer.send(*self.core.missions.request_list(packet, _partner(peer, packet)))

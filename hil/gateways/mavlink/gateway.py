@@ -5,21 +5,33 @@ from collections.abc import Callable, Hashable, Sequence
 from contextlib import ExitStack
 
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.common.errors import NetworkError
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
-from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.parameter_table import ParameterTable
+from hil.gateways.mavlink.peer import Peer
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.snapshot import Origin
 from hil.gateways.mavlink.vehicle_port import NetworkVehicle
+from hil.links.endpoints.patient import open_endpoint
 from hil.links.endpoints.sockets import MAX_PARTNERS, SILENT_NS, Link
-from hil.scenario.mavlink_records import Mavlink
+from hil.scenario.mavlink_records import Mavlink, parse_endpoint
 
 TICK_NS = NS_PER_S // 50
+MARKERS = b"\xfd\xfe"  # that a MAVLink packet begins with
 STALL_NS = NS_PER_S // 2  # after which sticks and targets that have come meanwhile are too old to be executed
 
 Clock = Callable[[], int]
+
+
+def open_link(text: str, report: Callable[[str], None]) -> Link:
+    """Return an endpoint that opens, now or as soon as it can. Raises NetworkError if it cannot by waiting."""
+    endpoint = parse_endpoint(text)
+    try:
+        return open_endpoint(endpoint.kind, endpoint.target, endpoint.port, report, MARKERS)
+    except NetworkError as error:
+        raise NetworkError(f"{error}: an ArduSub may listen there too") from None
 
 
 class Gateway:

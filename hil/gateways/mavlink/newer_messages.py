@@ -1,4 +1,4 @@
-"""Messages of the MAVLink standard that pymavlink's dialect does not have yet: those of modes.
+"""Messages of the MAVLink standard that pymavlink's dialect does not have yet: those of modes, and PROTOCOL_VERSION.
 
 Layouts: mavlink/message_definitions, standard.xml and common.xml. Each is packed by pymavlink like its own.
 """
@@ -15,17 +15,16 @@ class _NewerMessage(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink
     """A message whose `values` are in the order of the wire."""
 
     id: ClassVar[int]
-    msgname: ClassVar[str]
     name: ClassVar[str]
     crc_extra: ClassVar[int]
     unpacker: ClassVar[struct.Struct]
-    wire_names: ClassVar[tuple[str, ...]]
+    fields: ClassVar[tuple[str, ...]]
 
     def __init__(self, *values: Any) -> None:
-        super().__init__(self.id, self.msgname)
+        super().__init__(self.id, self.name)
         self.values = values
-        self._fieldnames = list(self.wire_names)
-        for name, value in zip(self.wire_names, values, strict=False):
+        self._fieldnames = list(self.fields)
+        for name, value in zip(self.fields, values, strict=True):
             setattr(self, name, value)
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
@@ -34,41 +33,19 @@ class _NewerMessage(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink
         return packet
 
 
-class ProtocolVersion(_NewerMessage):
-    """PROTOCOL_VERSION: the version of MAVLink times 100, its lowest and its highest, and hashes that are not known."""
-
-    id = 300
-    msgname = name = "PROTOCOL_VERSION"
-    crc_extra = 217
-    unpacker = struct.Struct("<HHH8s8s")
-    wire_names = ("version", "min_version", "max_version", "spec_version_hash", "library_version_hash")
+def _declare(number: int, name: str, crc_extra: int, layout: str, *fields: str) -> type[_NewerMessage]:
+    parts = {"id": number, "msgname": name, "name": name, "crc_extra": crc_extra, "fields": fields}
+    return type(name, (_NewerMessage,), parts | {"unpacker": struct.Struct(f"<{layout}")})
 
 
-class AvailableModes(_NewerMessage):
-    """AVAILABLE_MODES: one of the vehicle's modes."""
-
-    id = 435
-    msgname = name = "AVAILABLE_MODES"
-    crc_extra = 134
-    unpacker = struct.Struct(f"<IIBBB{NAME_SIZE}s")
-    wire_names = ("custom_mode", "properties", "number_modes", "mode_index", "standard_mode", "mode_name")
-
-
-class CurrentMode(_NewerMessage):
-    """CURRENT_MODE: the mode that the vehicle is in, and the one that was asked for last."""
-
-    id = 436
-    msgname = name = "CURRENT_MODE"
-    crc_extra = 193
-    unpacker = struct.Struct("<IIB")
-    wire_names = ("custom_mode", "intended_custom_mode", "standard_mode")
-
-
-class AvailableModesMonitor(_NewerMessage):
-    """AVAILABLE_MODES_MONITOR: a number that changes when the list of modes does."""
-
-    id = 437
-    msgname = name = "AVAILABLE_MODES_MONITOR"
-    crc_extra = 30
-    unpacker = struct.Struct("<B")
-    wire_names = ("seq",)
+ProtocolVersion = _declare(  # the version times 100, the lowest and highest, and hashes that are not known
+    300, "PROTOCOL_VERSION", 217, "HHH8s8s", "version", "min_version", "max_version", "spec_version_hash",
+    "library_version_hash",
+)  # fmt: skip
+AvailableModes = _declare(  # one of the vehicle's modes
+    435, "AVAILABLE_MODES", 134, f"IIBBB{NAME_SIZE}s", "custom_mode", "properties", "number_modes", "mode_index",
+    "standard_mode", "mode_name",
+)  # fmt: skip
+# The mode that the vehicle is in, and the one that was asked for last
+CurrentMode = _declare(436, "CURRENT_MODE", 193, "IIB", "custom_mode", "intended_custom_mode", "standard_mode")
+AvailableModesMonitor = _declare(437, "AVAILABLE_MODES_MONITOR", 30, "B", "seq")  # changes when the list of modes does

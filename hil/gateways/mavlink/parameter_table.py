@@ -7,7 +7,7 @@ the slave (gains of its controller, failures of its thrusters) belong to the sla
 import math
 import os
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -37,6 +37,7 @@ class Parameter(NamedTuple):
 
 
 KINDS = {"int8": INT8, "int16": INT16, "int32": INT32, "real32": REAL32}
+LONGEST_NAME = 16
 SI = {"cm": 0.01, "cm/s": 0.01, "deg/s": math.pi / 180.0}  # what a unit is in m, m/s, rad/s
 
 
@@ -95,9 +96,7 @@ class ParameterTable:
 
     def kind(self, name: str) -> int:
         """Return the MAV_PARAM_TYPE of a parameter."""
-        if name in GATEWAY:
-            return GATEWAY[name].kind
-        return int(INT8 if name.endswith("_KIND") else REAL32)
+        return GATEWAY[name].kind if name in GATEWAY else int(REAL32)
 
     def value(self, name: str) -> float | None:
         """Return the value of any parameter, None if there is none of that name."""
@@ -123,6 +122,22 @@ class ParameterTable:
             return f"{name}: {value:g} is not between {parameter.least:g} and {parameter.most:g}"
         self._values[name] = value if parameter.kind == REAL32 else float(round(value))
         return self._store()
+
+    def messages(self, *wanted: str) -> list[Any]:
+        """Return PARAM_VALUE of those that there are, of all without names. Values travel as floats, as ArduPilot's do.
+
+        A name may end with zeros, as in a packet.
+        """
+        names = self.names()
+        places = {name: index for index, name in enumerate(names)}
+        chosen = [name.partition("\0")[0] for name in wanted] or names
+        return [
+            dialect.MAVLink_param_value_message(
+                name.encode("ascii", "replace")[:LONGEST_NAME], self.value(name) or 0.0, self.kind(name), len(names),
+                places[name],
+            )
+            for name in chosen if name in places
+        ]  # fmt: skip
 
     def _load(self) -> None:
         if not self._path or not os.path.exists(self._path):

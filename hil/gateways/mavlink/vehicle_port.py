@@ -12,8 +12,8 @@ from typing import Any
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client import samples
 from hil.client.client import VehicleClient
+from hil.client.parameters import read_parameters, set_parameter
 from hil.common.errors import HilError, NetworkError
-from hil.gateways.mavlink.slave_parameters import SlaveParameters
 from hil.gateways.mavlink.snapshot import Command, Echo, Snapshot, ThrusterTest
 from hil.network.services import call
 from hil.ros.commands import PoseCommand, encode_pose, encode_thrusts
@@ -26,6 +26,22 @@ STALE_S = 1.0  # after which a vehicle whose position does not come counts as lo
 SLOW_STALE_S = 3.0  # the same for samples that come once a second
 DVL_REACH = 0.05, 200.0  # m: its messages do not state it
 REFRESH_S = 5.0  # between two queries of the slave's sensors and parameters
+# A gain of the slave, gains.surge.p, is HIL_G_SURGE_P; ArduSub has some of them, too.
+AXES = {
+    "surge": "SURGE", "sway": "SWAY", "heave": "HEAVE", "roll_rate": "RLLR", "pitch_rate": "PITR", "yaw_rate": "YAWR",
+    "depth": "DEPTH", "heading": "HDG", "roll": "ROLL", "pitch": "PITCH",
+}  # fmt: skip
+FIELDS = {
+    "p": "P", "i": "I", "d": "D", "limit": "LIM", "feedforward": "FF", "filter": "FILT", "slew": "SLEW",
+}  # fmt: skip
+SAME_AS_ARDUSUB = {
+    "gains.heading.p": "ATC_ANG_YAW_P", "gains.roll.p": "ATC_ANG_RLL_P", "gains.pitch.p": "ATC_ANG_PIT_P",
+    "gains.depth.p": "PSC_POSZ_P",
+}  # fmt: skip
+NAMES = {
+    f"gains.{axis}.{field}": SAME_AS_ARDUSUB.get(f"gains.{axis}.{field}", f"HIL_G_{short}_{word}")
+    for axis, short in AXES.items() for field, word in FIELDS.items()
+}  # fmt: skip
 
 
 class NetworkVehicle:
@@ -36,7 +52,7 @@ class NetworkVehicle:
 
     def __init__(self, client: VehicleClient, report: Callable[[str], None] = lambda _: None) -> None:
         self._client, self._report = client, report
-        self._parameters = SlaveParameters(client.session, client.node)
+        self._gains: dict[str, float] = {}  # by their names in MAVLink
         self._jobs: deque[Callable[[], None]] = deque()
         self._wake = threading.Event()
         self._ending = threading.Event()
@@ -131,17 +147,20 @@ class NetworkVehicle:
                 self._shares[name] = share
 
     def parameters(self) -> Mapping[str, float]:
-        """Return the parameters that the slave has, by their MAVLink names; empty until they came."""
-        return self._parameters.values
+        """Return the gains of the slave's controller, by their MAVLink names; empty until they came."""
+        return self._gains
 
     def set_parameter(self, name: str, value: float) -> None:
         """Begin to set one of them; `parameters` has its value when that is done."""
 
         def set_one() -> None:
             try:
-                self._settled.append((name, self._parameters.set(name, value)))
+                gain = next(gain for gain, short in NAMES.items() if short == name)
+                reason = set_parameter(self._client.session, self._client.node, gain, value)
+                self._refresh()
             except HilError as error:
-                self._settled.append((name, f"{name}: {error}"))
+                reason = str(error)
+            self._settled.append((name, f"{name}: {reason}" if reason else ""))
 
         self._do(set_one)
 
@@ -187,7 +206,8 @@ class NetworkVehicle:
     def _refresh(self) -> None:
         try:
             self._sensors = frozenset(self._client.offers())
-            self._parameters.refresh()
+            values = read_parameters(self._client.session, self._client.node, NAMES)
+            self._gains = {short: values[gain] for gain, short in NAMES.items() if gain in values}
         finally:
             self._is_known = True
 

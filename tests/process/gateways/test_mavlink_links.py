@@ -9,11 +9,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
-from hil.gateways.mavlink.endpoints.opening import open_link
+from hil.gateways.mavlink.gateway import open_link
 from hil.links.endpoints.patient import PatientLink
 from hil.links.endpoints.sockets import Link, UdpIn
 from hil.links.wires.terminal import PtyWire
-from hil.scenario.mavlink_records import MavlinkEndpoint
 from tests.support.processes import wait_for
 
 BEAT = dialect.MAVLink_heartbeat_message(12, 3, 0, 19, 3, 3)
@@ -43,9 +42,9 @@ def test_a_ground_station_is_found_when_its_name_and_our_network_come_late(monke
     stations = [UdpIn(host, 0) for host in ("127.0.0.1", "127.0.0.2")]
     network.is_silent = True
     began = time.monotonic()
-    link = open_link(MavlinkEndpoint("udpout", "station.test", stations[0].port), lines.append)
+    link = open_link(f"udpout:station.test:{stations[0].port}", lines.append)
     assert time.monotonic() - began < 5.0
-    other = open_link(MavlinkEndpoint("udpout", "127.0.0.1", stations[0].port), lines.append)
+    other = open_link(f"udpout:127.0.0.1:{stations[0].port}", lines.append)
     link.tick(now_ns())
     assert lines == [f"{link.name}: waiting for it: no answer yet"]
     assert other.partners()
@@ -69,7 +68,7 @@ def test_a_ground_station_is_found_when_its_name_and_our_network_come_late(monke
 
 def test_an_endpoint_is_opened_again_when_our_own_address_has_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     station, lines = UdpIn("127.0.0.1", 0), list[str]()
-    link = open_link(MavlinkEndpoint("udpout", "127.0.0.1", station.port), lines.append)
+    link = open_link(f"udpout:127.0.0.1:{station.port}", lines.append)
     assert isinstance(link, PatientLink)
     inner: Any = link._link
     inner._socket.close()  # as the kernel refuses to send from an address that is gone
@@ -85,7 +84,7 @@ def test_an_endpoint_is_opened_again_when_our_own_address_has_changed(monkeypatc
 def test_a_device_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     lines: list[str] = []
     device = tmp_path / "ttyUSB0"
-    link = open_link(MavlinkEndpoint("serial", str(device), 57_600), lines.append)
+    link = open_link(f"serial:{device}", lines.append)
     assert link.partners() == []
     assert "no such device" in lines[0]
     terminal = PtyWire()

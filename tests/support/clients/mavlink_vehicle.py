@@ -11,9 +11,9 @@ from hil.client.samples import State
 from hil.common.clock import NS_PER_S
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
-from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import ParameterTable
+from hil.gateways.mavlink.peer import Peer
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.snapshot import Command, Echo, Origin, Snapshot, ThrusterTest, Wrench
 from hil.gateways.mavlink.vehicle_port import NetworkVehicle
@@ -41,7 +41,7 @@ class PointVehicle(NetworkVehicle):
         self.is_present = True
         self.is_disarmed = False
         self.armed_calls: list[bool] = []
-        self.values: dict[str, float] = {"HIL_G_SURGE_P": 4.0, "HIL_FAIL1_KIND": 0.0}
+        self.values: dict[str, float] = {"HIL_G_SURGE_P": 4.0}
         self.settled: list[tuple[str, str]] = []
         self.accessories: dict[str, float] = {}
         self.leak = False

@@ -8,8 +8,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from pymavlink.quaternion import QuaternionBase
 
-from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
+from hil.gateways.mavlink.peer import Peer
 from hil.gateways.mavlink.snapshot import Echo
 from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_vehicle import Bench

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.gateways.mavlink.endpoints.peer import Peer
+from hil.gateways.mavlink.peer import Peer
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream

@@ -1,11 +1,9 @@
 """Fly a mission: from its items, the vehicle's state and the time to a target; a machine without a clock."""
 
 from collections.abc import Callable, Sequence
-from math import isfinite, radians
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.autonomy.control.controller import wrap
 from hil.client.samples import State
 from hil.common.clock import NS_PER_S
 from hil.gateways.mavlink.flight import mission_items
@@ -21,20 +19,16 @@ IDLE, ACTIVE, PAUSED, COMPLETE = (
     dialect.MISSION_STATE_PAUSED,
     dialect.MISSION_STATE_COMPLETE,
 )
-MAX_PER_STEP = 50  # items that take no time, which a loop of jumps would else repeat for ever
-HEADING_REACHED = 0.1  # rad
+FIRST = 1  # item that is flown: item 0 is home, as in ArduPilot
 
 
 class MissionFlight:
-    """The flight over a mission's items. `first` is the first that is flown: 1 where item 0 is home.
-
-    `reached` collects the numbers of items that were reached, `texts` messages for a person.
-    """
+    """The flight over a mission's items. `reached` collects numbers of items, `texts` messages for a person."""
 
     def __init__(
-        self, parameters: ParameterTable, origin: Callable[[], Origin | None], home: Callable[[], Point], first: int
+        self, parameters: ParameterTable, origin: Callable[[], Origin | None], home: Callable[[], Point]
     ) -> None:
-        self._parameters, self._origin, self._home, self._first = parameters, origin, home, first
+        self._parameters, self._origin, self._home = parameters, origin, home
         self._items: Sequence[Item] = ()
         self.current = 0
         self.status = int(dialect.MISSION_STATE_NO_MISSION)
@@ -42,7 +36,6 @@ class MissionFlight:
         self.texts: list[tuple[int, str]] = []
         self._speed: float | None = None
         self._arrived_ns: int | None = None  # at the current item
-        self._jumps: dict[int, int] = {}
         self._stay: Target | None = None  # where it is once the mission is complete, or paused
 
     @property
@@ -54,22 +47,21 @@ class MissionFlight:
         """Take a new mission, which begins at its first item."""
         self._items = items
         self.restart()
-        self.status = IDLE if len(items) > self._first else int(dialect.MISSION_STATE_NO_MISSION)
+        self.status = IDLE if len(items) > FIRST else int(dialect.MISSION_STATE_NO_MISSION)
 
     def select(self, index: int) -> bool:
         """Go on with that item; return whether there is one."""
         if not 0 <= index < len(self._items):
             return False
-        self.current = max(index, self._first)
+        self.current = max(index, FIRST)
         self._arrived_ns = self._stay = None
-        self._jumps = {}
         if self.status in (COMPLETE, PAUSED):
             self.status = ACTIVE
         return True
 
     def begin(self) -> str:
         """Begin, resume, or begin again when it was complete; return why that cannot be, "" if it can."""
-        if len(self._items) <= self._first:
+        if len(self._items) <= FIRST:
             return "there is no mission"
         if self.status == COMPLETE:
             self.restart()
@@ -84,27 +76,21 @@ class MissionFlight:
 
     def step(self, state: State, now: int) -> Target | None:
         """Return where to go; a place to stay at once the mission is complete or paused."""
-        if self.status == ACTIVE:
-            for _ in range(MAX_PER_STEP):
-                if self.current >= len(self._items):
-                    self.status = COMPLETE
-                    self.texts.append((6, "mission complete"))
-                    break
-                target = self._fly(self._items[self.current], state, now)
-                if target:
-                    self._stay = target
-                    return target
-                if self.status != ACTIVE:
-                    break
+        while self.status == ACTIVE:
+            if self.current >= len(self._items):
+                self.status = COMPLETE
+                self.texts.append((6, "mission complete"))
+            elif target := self._fly(self._items[self.current], state, now):
+                self._stay = target
+                return target
         if self._stay is None or self._stay.position is None:
             self._stay = Target(state.position, None, state.heading)
         return self._stay
 
     def restart(self) -> None:
         """Go back to the first item."""
-        self.current = self._first
+        self.current = FIRST
         self._speed = self._arrived_ns = self._stay = None
-        self._jumps = {}
 
     def _fly(self, item: Item, state: State, now: int) -> Target | None:
         """Return the target of an item; None once it is done and the next one is current."""
@@ -114,15 +100,8 @@ class MissionFlight:
         if command in (dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND):
             north, east, _ = self._home() if command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH else state.position
             return self._approach((north, east, -self._parameters["SURFACE_DEPTH"]), None, 0.0, None, state, now)
-        if command in (dialect.MAV_CMD_NAV_DELAY, dialect.MAV_CMD_CONDITION_DELAY):
-            return self._wait(item.params[0], state, now)
-        if command == dialect.MAV_CMD_CONDITION_YAW:
-            return self._turn_target(item, state)
         if command == dialect.MAV_CMD_DO_CHANGE_SPEED and 0.0 < item.params[1] <= 5.0:
             self._speed = item.params[1]
-        elif command == dialect.MAV_CMD_DO_JUMP:
-            self._jump(item)
-            return None
         elif command in mission_items.IDLE_COMMANDS:
             self.texts.append((4, f"mission item {self.current}: command {command} is ignored"))
         self._next()
@@ -153,39 +132,6 @@ class MissionFlight:
         self._stay = Target(position, None, state.heading if heading is None else heading, 0.0, self._speed)
         self._next()
         return None
-
-    def _wait(self, seconds: float, state: State, now: int) -> Target | None:
-        if self._arrived_ns is None:
-            self._arrived_ns = now
-            self._stay = self._stay or Target(state.position, None, state.heading)
-        if isfinite(seconds) and (now - self._arrived_ns) / NS_PER_S < seconds:
-            return self._stay
-        self.reached.append(self.current)
-        self._next()
-        return None
-
-    def _turn_target(self, item: Item, state: State) -> Target | None:
-        angle, _, direction, relative = item.params
-        if self._stay is None or self._arrived_ns is None:
-            turn = radians(angle) if isfinite(angle) else 0.0
-            heading = state.heading + (-turn if direction < 0.0 else turn) if relative == 1.0 else turn
-            position = self._stay.position if self._stay and self._stay.position else state.position
-            self._stay, self._arrived_ns = Target(position, None, wrap(heading)), 0
-        heading = self._stay.heading or 0.0
-        if abs(wrap(heading - state.heading)) > HEADING_REACHED:
-            return self._stay
-        self.reached.append(self.current)
-        self._next()
-        return None
-
-    def _jump(self, item: Item) -> None:
-        done = self._jumps.get(self.current, 0)
-        if item.params[1] == -1 or done < item.params[1]:
-            self._jumps[self.current] = done + 1
-            self.current = max(int(item.params[0]), self._first)
-            self._arrived_ns = None
-        else:
-            self._next()
 
     def _next(self) -> None:
         self.current += 1

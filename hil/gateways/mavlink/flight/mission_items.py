@@ -15,24 +15,13 @@ WAYPOINTS = (
     dialect.MAV_CMD_NAV_LOITER_TIME,
 )  # fmt: skip
 WITHOUT_PLACE = (
-    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_NAV_DELAY,
-    dialect.MAV_CMD_CONDITION_DELAY, dialect.MAV_CMD_CONDITION_YAW, dialect.MAV_CMD_DO_CHANGE_SPEED,
-    dialect.MAV_CMD_DO_JUMP,
+    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_DO_CHANGE_SPEED,
 )  # fmt: skip
 # Ground stations put these in missions: takeoffs, and commands for cameras and mounts. They are passed over.
-IDLE_COMMANDS = frozenset(
-    (
-        dialect.MAV_CMD_NAV_TAKEOFF,
-        *range(dialect.MAV_CMD_DO_SET_MODE, dialect.MAV_CMD_DO_LAST + 1),
-        *range(530, 535),
-        1000,
-        1001,
-        2000,
-        2001,
-        2500,
-        2501,
-    )
-)
+IDLE_COMMANDS = {
+    dialect.MAV_CMD_NAV_TAKEOFF, *range(dialect.MAV_CMD_DO_SET_MODE, dialect.MAV_CMD_DO_LAST + 1), *range(530, 535),
+    1000, 1001, 2000, 2001, 2500, 2501,
+} - {dialect.MAV_CMD_DO_JUMP}  # fmt: skip
 LOCAL = dialect.MAV_FRAME_LOCAL_NED
 
 
@@ -62,7 +51,7 @@ def read_item(packet: Any) -> Item | None:
     return Item(packet.frame, packet.command, params, x, y, z if isfinite(z) else 0.0, packet.autocontinue != 0)
 
 
-def validate_item(item: Item, index: int, count: int, origin: Origin | None) -> int | None:
+def validate_item(item: Item, origin: Origin | None) -> int | None:
     """Return why an item cannot be flown as a MAV_MISSION_RESULT, None if it can."""
     if item.command in WAYPOINTS:
         if item.frame != LOCAL and item.frame not in GLOBAL_FRAMES:
@@ -72,10 +61,6 @@ def validate_item(item: Item, index: int, count: int, origin: Origin | None) -> 
         except TargetError:
             return int(dialect.MAV_MISSION_INVALID_PARAM5_X)
         return None
-    if item.command == dialect.MAV_CMD_DO_JUMP:
-        target, repeats = item.params[:2]
-        fits = isfinite(target) and isfinite(repeats) and 0 <= target < count and -1 <= repeats <= 1000
-        return None if fits and int(target) != index else int(dialect.MAV_MISSION_INVALID_PARAM1)
     if item.command == dialect.MAV_CMD_DO_CHANGE_SPEED:
         return None if isfinite(item.params[1]) else int(dialect.MAV_MISSION_INVALID_PARAM2)
     if item.command in WITHOUT_PLACE or item.command in IDLE_COMMANDS:
