@@ -25,42 +25,7 @@ from hil.cases.flights import fly_all  # noqa: E402
 from hil.cases.report import Flights, write_report  # noqa: E402
 
 COLOURS = 64
-HEAD = """\
-# The reference platform's cases, flown again
-
-`python tools/pages/cases.py` makes this page. It flies each case of the reference platform (Zhang et al. 2022):
-
-- SIL, software in the loop: {seeds} seeds, in one process and in simulated time;
-- HIL, as with real hardware: {hil} of the seeds, with slaves and masters as processes that communicate over zenoh. Each
-  slave has an emulated STM32.
-
-`uuv-hil case NAME` flies one case.
-
-Both fly the same code and read the same files. Seed 1 is the scenario file unchanged. Other seeds change the noise, the
-start, and those obstacles that are not in the map. The paper gives neither the positions of obstacles nor the durations
-of tasks: ours are in the scenario files. [The reference platform](../explanation/reference_platform.md) compares each
-equation.
-
-| Row | Meaning |
-| --- | --- |
-| collisions | flights in which the distance to an obstacle was at most the vehicle's radius ({radius:.2f} m), or in \
-which the hull touched something |
-| over optimum | length of the true path divided by that of the shortest for a vehicle of this size, without a \
-safety margin |
-| energy | electrical energy of the thrusters, without electronics. It is computed from the pulse widths, as for \
-T200 thrusters of the same thrust at 16 V, because the paper gives no power. In HIL the pulse widths are those of \
-the telemetry at 1 Hz |
-| off path | true distance from the path; in target hunting from the assigned place in the formation |
-| least clearance | least distance from the vehicle's centre to an obstacle; in target hunting to the hull of \
-another vehicle or to the target |
-| master CPU | processor time of the master's process during the flight, as a share of one core; in target hunting \
-of all four agents together |
-| delay | from publishing a command to applying its pulse widths at the STM32 end |
-
-Rows with ± give the mean and the standard deviation. The other rows give the worst flight.
-
-The HIL figures are from {cores} cores of a shared x86-64 server with {ram:.0f} GiB. Master and slaves all ran on it
-and communicated over loopback. So these figures do not apply to a board or a wireless network."""
+HEAD = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
 
 
 def main() -> int:

@@ -39,30 +39,7 @@ PARTS = (bluerov2, remus, vessels, thrusters, water, devices, navigation)
 SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
 COLOURS = 64
-HEAD = """\
-# The simulator compared with published data and theory
-
-Made by `python tools/pages/validation.py`, which computes every figure again. `tests/system/tools/test_validation.py`
-checks each figure against its bound. The tool needs the packages of the tests: `pip install -e '.[dev]'`.
-
-Tests compare the rest with theory: energy of free and floating bodies, and the order of the integrators
-(`tests/unit/sim/test_dynamics.py`, `vehicle/test_buoyancy.py`), fins, hull lift and cross flow
-(`vehicle/test_surfaces.py`), lags and advance speed of thrusters (`vehicle/test_thruster_lags.py`,
-`test_thruster_curves.py`), ballast and battery (`vehicle/test_ballast.py`, `test_battery.py`), currents, tides and
-waves (`environment/test_currents.py`, `test_waves.py`), the altitude of a tilted DVL (`sensors/test_sensors.py`), the
-bias at any rate (`sensors/test_sensor_error.py`), and level flight (`tests/system/sim/test_level_flight.py`).
-
-| in the pictures | is |
-|---|---|
-| blue lines | this simulator |
-| black dots | published data or theory |
-| red | a formula of other software that is wrong |
-
-The first figure of each section:
-
-| validation | figure | found | bound |
-|---|---|---|---|
-"""
+HEAD = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
 
 
 def draw(sheet: Sheet, path: Path) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""Reference page of the commands: arguments, options and exit codes, from the argument parsers."""
+"""Parts of the page of the commands: arguments, options and exit codes, from the argument parsers."""
 
 import argparse
 import re
@@ -9,6 +9,7 @@ from hil.cli import COMMANDS, FAMILIES
 from hil.commands.completion import find_parser
 from hil.common import errors
 from hil.common.options import subparsers
+from tools.reference.records import rows
 
 KINDS = (
     errors.HilError, errors.ConfigError, errors.DeviceError, errors.NetworkError, errors.MissingExtraError,
@@ -24,26 +25,17 @@ CODE_1 = (
     "A check has found a problem (`doctor`, `scenario check`, `frame check`, `--check`, `--fail-on-regression`), "
     "or another error."
 )
-HEAD = """\
-# Commands
-
-`uuv-hil COMMAND --help` prints the same. `SCENARIO` is a `.toml` file or the name of an installed
-scenario. `ENDPOINT` is `tcp/HOST:PORT`. An option may be abbreviated if it stays unique.
-
-This page is made by `python -m tools.reference` from the argument parsers.
-
-## Exit codes
-
-| code | meaning |
-|---|---|
-"""
 
 
-def page() -> str:
-    """Return the page of all commands."""
-    codes = {kind.exit_code: (getdoc(kind) or "").split("\n")[0] for kind in KINDS} | {1: CODE_1} | OTHER_CODES
-    rows = "".join(f"| {code} | {text} |\n" for code, text in sorted(codes.items()))
-    parts = [HEAD + rows]
+def codes() -> str:
+    """Return the rows of the exit codes."""
+    meanings = {kind.exit_code: (getdoc(kind) or "").split("\n")[0] for kind in KINDS} | {1: CODE_1} | OTHER_CODES
+    return rows(sorted(meanings.items()))
+
+
+def sections() -> str:
+    """Return a section for each command."""
+    parts = []
     families = dict(FAMILIES)
     for name, (module, purpose) in COMMANDS.items():
         family, _, member = name.partition(" ")

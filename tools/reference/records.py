@@ -1,30 +1,20 @@
 """Convert a record of the schema to a Markdown table: key, type, unit, default, range, meaning."""
 
 import types
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
+from importlib import import_module
 from math import floor, log10
+from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from hil.common.schema import FINITE, Range
+from hil.common.tables import read_table
 from hil.schemas.meanings import meaning_of, unit_of
 
 HEAD = "| key | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n"
+OWN = read_table(str(Path(__file__).with_suffix(".toml")))  # types and defaults that other code reads or sets
+TOP = "Top level"
 PLAIN = {str: "text", bool: "true or false", float: "number", int: "whole number", Any: "any"}
-
-
-class Section(NamedTuple):
-    """One table of a page: title, record, and the text above the table.
-
-    hidden: keys that the file does not have. shown: types of keys that other code reads. defaults: defaults of keys
-    that other code sets.
-    """
-
-    title: str
-    record: Any
-    text: str = ""
-    hidden: tuple[str, ...] = ()
-    shown_types: dict[str, str] = {}  # noqa: RUF012 - never changed
-    defaults: dict[str, str] = {}  # noqa: RUF012 - never changed
 
 
 class Kind(NamedTuple):
@@ -36,23 +26,34 @@ class Kind(NamedTuple):
     inner: Any = None  # the record of a table
 
 
-def describe(section: Section) -> str:
-    """Return a section as Markdown. Raises KeyError for a key without a meaning."""
-    rows = "".join(_rows(section))
-    text = f"{section.text}\n\n" if section.text else ""
-    return f"## {section.title}\n\n{text}{HEAD}{rows}"
+def rows(cells: Iterable[Sequence[object]]) -> str:
+    """Return the rows of a Markdown table."""
+    return "".join(f"| {' | '.join(map(str, row))} |\n" for row in cells)
 
 
-def _rows(section: Section) -> Iterator[str]:
-    record = section.record
+def keys(path: str, title: str, titles: Sequence[str]) -> str:
+    """Return the table of the keys of the record at `path`, "module:Record", below the heading `title`.
+
+    A key whose table has a heading of its own among `titles` links there. Raises KeyError for a key without a meaning.
+    """
+    module, _, name = path.partition(":")
+    record = getattr(import_module(module), name)
+    shown, defaults = OWN["types"].get(name, {}), OWN["defaults"].get(name, {})
+    table = []
     for key, annotation in record.__annotations__.items():
-        if key in section.hidden:
+        inner = key if title == TOP else f"{title}.{key}"
+        if shown.get(key) == "":  # not a key of the file
             continue
-        kind = kind_of(annotation) if key not in section.shown_types else Kind(section.shown_types[key])
-        default = section.defaults.get(key) or default_of(record, key)
-        meaning = meaning_of(record, key)
+        if key in shown:
+            kind = Kind(shown[key])
+        elif inner in titles:
+            kind = Kind(f"{'tables' if 'tuple[' in str(annotation) else 'table'}, [`{inner}`](#{anchor(inner)})")
+        else:
+            kind = kind_of(annotation)
         unit = (unit_of(record, key) if "number" in kind.type else "") or kind.unit
-        yield f"| `{key}` | {kind.type} | {unit} | {default} | {kind.range} | {meaning} |\n"
+        default = defaults.get(key) or default_of(record, key)
+        table.append((f"`{key}`", kind.type, unit, default, kind.range, meaning_of(record, key)))
+    return (HEAD + rows(table)).rstrip("\n")
 
 
 def default_of(record: Any, key: str) -> str:

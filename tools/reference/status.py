@@ -13,16 +13,10 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from hil.common.tables import parse_toml
+from tools.reference.records import rows
 
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "status.json"
-HEAD = """\
-# Status: what is tested, and what was tried
-
-Each statement names the tests that hold it. The last column is the day on which a whole run last ran them, and all of
-them passed. This page is made by `python -m tools.reference` from `statements.toml`, and from the results of that run.
-
-"""
 
 
 class Statement(NamedTuple):
@@ -48,29 +42,34 @@ def statements() -> tuple[list[Tried], dict[str, dict[str, list[Statement]]]]:
     tried = [Tried(**row | {"tests": tuple(row.get("tests", ()))}) for row in values.pop("tried")]
     pages: dict[str, dict[str, list[Statement]]] = {page: {} for page in values}
     for page, sections in values.items():
-        for section, rows in sections.items():
-            pages[page][section] = [Statement(row["text"], tuple(row["tests"])) for row in rows]
+        for section, stated in sections.items():
+            pages[page][section] = [Statement(row["text"], tuple(row["tests"])) for row in stated]
     return tried, pages
 
 
-def page() -> str:
-    """Return the page."""
-    tried, pages = statements()
+def tried() -> str:
+    """Return the rows of what was tried."""
     days = json.loads(RESULTS.read_text(encoding="utf-8"))
-    lines = ["## Software and hardware of others", "", "| what | version | how | last passed |", "|---|---|---|---|"]
-    lines += [f"| {row.what} | {row.version} | {row.how} | {_day(row.tests, days)} |" for row in tried]
-    for name, sections in pages.items():
-        lines += ["", f"## {name.replace('_', ' ').capitalize()}"]
-        for section, rows in sections.items():
-            lines += ["", f"### {section}", "", "| statement | test | last passed |", "|---|---|---|"]
-            lines += [f"| {row.text} | {_named(row.tests)} | {_day(row.tests, days)} |" for row in rows]
-    return HEAD + "\n".join(lines) + "\n"
+    return rows((row.what, row.version, row.how, _day(row.tests, days)) for row in statements()[0])
+
+
+def tested() -> str:
+    """Return the statements of each page of the explanation, with their tests."""
+    days = json.loads(RESULTS.read_text(encoding="utf-8"))
+    parts = []
+    for name, sections in statements()[1].items():
+        parts.append(f"## {name.replace('_', ' ').capitalize()}\n")
+        for section, stated in sections.items():
+            named = [", ".join(f"`{test}`" for test in row.tests) for row in stated]
+            table = rows((row.text, tests, _day(row.tests, days)) for row, tests in zip(stated, named, strict=True))
+            parts.append(f"### {section}\n\n| statement | test | last passed |\n|---|---|---|\n{table}")
+    return "\n".join(parts)
 
 
 def merge(folder: Path, day: str = "") -> None:
     """Note the day of the tests that ran, from the files of JUnit in a folder; skipped ones keep their day."""
     days: dict[str, str] = json.loads(RESULTS.read_text(encoding="utf-8"))
-    named = {test for rows in _all() for test in rows}
+    named = {test for tests in _all() for test in tests}
     outcomes: dict[str, list[bool]] = {}
     for test, passed in _outcomes(folder.glob("*.xml")):
         for name in {test, test.partition("::")[0]} & named:
@@ -82,9 +81,9 @@ def merge(folder: Path, day: str = "") -> None:
 
 
 def _all() -> Iterator[tuple[str, ...]]:
-    tried, pages = statements()
-    yield from (row.tests for row in tried)
-    yield from (row.tests for sections in pages.values() for rows in sections.values() for row in rows)
+    others, pages = statements()
+    yield from (row.tests for row in others)
+    yield from (row.tests for sections in pages.values() for stated in sections.values() for row in stated)
 
 
 def _outcomes(files: Iterable[Path]) -> Iterator[tuple[str, bool]]:
@@ -95,10 +94,6 @@ def _outcomes(files: Iterable[Path]) -> Iterator[tuple[str, bool]]:
             if "skipped" not in results:
                 path = case.get("classname", "").replace(".", "/")
                 yield f"{path}.py::{case.get('name', '').partition('[')[0]}", not results
-
-
-def _named(tests: tuple[str, ...]) -> str:
-    return ", ".join(f"`{test}`" for test in tests)
 
 
 def _day(tests: tuple[str, ...], days: dict[str, Any]) -> str:

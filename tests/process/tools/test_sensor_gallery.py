@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tools.reference.sensors import ENTRIES
+from tools.reference.tables import ENTRIES
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "reference" / "sensors.md").read_text()
