@@ -1,69 +1,17 @@
-"""Dynamic allocation of DroneCAN node numbers: the requesting node, and a small allocator.
+"""A small allocator of DroneCAN node numbers, for controllers that request one.
 
-Source: rules A to E and the times in the definition of uavcan.protocol.dynamic_node_id.Allocation
-(github.com/dronecan/DSDL), and the specification, 6. Application level functions. A request carries only 6 bytes of the
+Source: the rules and times in the definition of uavcan.protocol.dynamic_node_id.Allocation (github.com/dronecan/DSDL),
+and the specification, 6. Application level functions. A request carries only 6 bytes of the
 node's 16-byte unique id, so three are needed; the allocator answers each with the bytes received so far.
 """
-
-import os
-from collections.abc import Callable
 
 from hil.common.clock import NEVER_NS
 from hil.links.dronecan.transfer import MAX_NODE_ID
 from hil.links.dronecan.types import UNIQUE_ID_SIZE, Allocation
 
-MS = 1_000_000
-REQUEST_PERIOD_NS = (600 * MS, 1000 * MS)
-FOLLOWUP_DELAY_NS = (0, 400 * MS)
-FOLLOWUP_TIMEOUT_NS = 500 * MS
+FOLLOWUP_TIMEOUT_NS = 500_000_000
 MAX_PART = 6  # bytes of unique id in a request
 MAX_DYNAMIC_ID = MAX_NODE_ID - 2  # the last two numbers are reserved for tools
-
-
-def _random_unit() -> float:
-    return int.from_bytes(os.urandom(4), "little") / 2**32
-
-
-class Allocatee:
-    """Request a node number until `node_id` is set. `random_unit` returns numbers from 0 up to 1."""
-
-    def __init__(self, unique_id: bytes, preferred: int, random_unit: Callable[[], float] = _random_unit) -> None:
-        self.node_id = 0
-        self.due_ns = 0  # time at which `request` has to be called
-        self._unique_id = unique_id
-        self._preferred = preferred
-        self._random_unit = random_unit
-        self._confirmed = 0  # bytes of the unique id that the allocator has received
-        self._delay: tuple[int, int] | None = REQUEST_PERIOD_NS  # range of a random delay that begins at the next call
-
-    def on_allocation(self, source: int, received: Allocation) -> None:
-        """Process an Allocation message from the node `source`; 0 is another node that requests a number."""
-        self._confirmed, self._delay, self.due_ns = 0, REQUEST_PERIOD_NS, 0  # rule C
-        if not source or not self._unique_id.startswith(received.unique_id):
-            return
-        if len(received.unique_id) < UNIQUE_ID_SIZE:  # rule D
-            self._confirmed = len(received.unique_id)
-            self._delay = FOLLOWUP_DELAY_NS
-        elif received.node_id:  # rule E
-            self.node_id = received.node_id
-            self.due_ns = NEVER_NS
-
-    def request(self, now_ns: int) -> Allocation | None:
-        """Return the request that is due at `now_ns`; None if none is."""
-        if self._delay is not None:
-            self._wait(now_ns, self._delay)
-            return None
-        if now_ns < self.due_ns:
-            return None
-        first = self._confirmed
-        self._confirmed = 0
-        self._wait(now_ns, REQUEST_PERIOD_NS)  # rule B
-        return Allocation(self._preferred, first == 0, self._unique_id[first : first + MAX_PART])
-
-    def _wait(self, now_ns: int, delay: tuple[int, int]) -> None:
-        low, high = delay
-        self.due_ns = now_ns + low + int(self._random_unit() * (high - low))
-        self._delay = None
 
 
 class Allocator:

@@ -10,19 +10,16 @@ from hil.links.dronecan.transfer import Transfer
 
 
 class DroneCanHost(DroneCanNode):
-    """Host end. `battery` is the last BatteryInfo of any node, `extended` the last StatusExtended by ESC index."""
+    """Host end."""
 
     echoes_sequence = False
 
     def __init__(self, channels: int, settings: HostSettings) -> None:
         info = types.NodeInfo("org.uuv-hil.host", bytes.fromhex(settings.unique_id), SOFTWARE, (0, 0))
         super().__init__(settings.node_id, info)
-        self.battery: types.BatteryInfo | None = None
         self._us_per_rpm = SPAN_US / settings.full_rpm
         self._own_device = settings.own_device
         self._first = settings.esc_index
-        self._commands_rpm = settings.command == "rpm"
-        self.extended: dict[int, types.EscStatusExtended] = {}
         self._answers = Answers(channels)
         self._rounds = Rounds(channels)
         self._statuses: dict[int, types.EscStatus] = {}  # thruster -> last status
@@ -32,15 +29,13 @@ class DroneCanHost(DroneCanNode):
         self._repeat("arming", ARMING_PERIOD_NS, self._arming)
         self._listen(types.ESC_STATUS, types.unpack_esc_status, self._on_esc)
         self._listen(types.NODE_STATUS, types.unpack_node_status, self._on_node)
-        self._listen(types.BATTERY_INFO, types.unpack_battery_info, self._on_battery)
-        self._listen(types.STATUS_EXTENDED, types.unpack_status_extended, self._on_extended)
         self._allocator = Allocator() if settings.allocate else None
         if self._allocator:
             self._allocator.see(self.node_id)
             self._listen(types.ALLOCATION, types.unpack_allocation, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
-        """Return a command as RawCommand or RPMCommand, after ArmingStatus if that changes; encodes commands only."""
+        """Return a command as RawCommand, after ArmingStatus if that changes; encodes commands only."""
         assert isinstance(message, ThrusterCommand)
         pulses = self._answers.record_command(message)
         output = b""
@@ -48,9 +43,6 @@ class DroneCanHost(DroneCanNode):
             self._armed = message.armed
             output = self._arming()
         before = [0] * self._first  # zero output for controllers that are not ours
-        if self._commands_rpm:
-            rpm = [round((pulse - PWM_NEUTRAL_US) / self._us_per_rpm) for pulse in pulses]
-            return output + self._broadcast(types.RPM_COMMAND, PRIORITY_HIGH, types.pack_rpm_command(before + rpm))
         raw = [round((pulse - PWM_NEUTRAL_US) * types.FULL_RAW / SPAN_US) for pulse in pulses]
         return output + self._broadcast(types.RAW_COMMAND, PRIORITY_HIGH, types.pack_raw_command(before + raw))
 
@@ -94,12 +86,6 @@ class DroneCanHost(DroneCanNode):
         self._codes[transfer.source] = status.vendor_code
         if self._allocator:
             self._allocator.see(transfer.source)
-
-    def _on_extended(self, _: Transfer, status: types.EscStatusExtended) -> None:
-        self.extended[status.esc_index] = status
-
-    def _on_battery(self, _: Transfer, battery: types.BatteryInfo) -> None:
-        self.battery = battery
 
     def _on_allocation(self, transfer: Transfer, request: types.Allocation) -> None:
         if self._allocator and not transfer.source:

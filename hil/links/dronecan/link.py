@@ -1,19 +1,15 @@
 """Thrusters on DroneCAN: the host as a flight controller, the STM32 as a node that drives all thrusters.
 
     host    RawCommand (1030) for each command, ArmingStatus (1100) on change and twice a second, as ArduPilot does;
-            or RPMCommand (1031), with `command = "rpm"`
-    device  esc.Status (1034) of each thruster for each report, StatusExtended (1036) once a second, BatteryInfo (1092)
-    both    NodeStatus (341) once a second, Allocation (1); the services GetNodeInfo (1), GetTransportStats (4),
-            ExecuteOpcode (10), GetSet (11), RestartNode (5), which the host refuses
-
-The device has the parameters CAN_NODE, ESC_INDEX, FULL_RPM and REQUIRE_ARMING. CAN_NODE takes effect at the next start.
-RestartNode stops the thrusters and starts as after power-up, with the stored parameters; counters are not reset.
+            with `allocate` also Allocation (1)
+    device  esc.Status (1034) of each thruster for each report
+    both    NodeStatus (341) once a second; the service GetNodeInfo (1)
 
 Thruster i has the ESC index `esc_index` + i. An output of +-8191 is 1900 and 1100 us; values in between are exact to
 1 us. Values beyond are limited. "No output" is sent as 0, "no rotation", as DroneCAN has nothing weaker. A disarmed
 host sends zeros in addition to ArmingStatus 0, for controllers without arming.
 
-The device applies ArmingStatus as AM32 motor controllers do (REQUIRE_ARMING, 1 by default). Before FULLY_ARMED was
+The device applies ArmingStatus as AM32 motor controllers do (`require_arming`, true by default). Before FULLY_ARMED was
 received, commands leave the outputs neutral. DISARMED stops the outputs at once. FULLY_ARMED alone starts nothing and
 has no timeout of its own: a pause of RawCommand stops the outputs (AM32: 250 ms; here: the STM32's watchdog). A short
 RawCommand stops the thrusters it leaves out; a longer one also addresses other controllers.
@@ -39,7 +35,7 @@ from hil.links.protocols import Role
 
 
 def open_dronecan(role: Role, channels: int, **settings: Any) -> Protocol:
-    """Return one end's protocol. `settings` are those of HostSettings or DeviceSettings, and the device's two hooks.
+    """Return one end's protocol. `settings` are those of HostSettings or DeviceSettings.
 
     Raises ConfigError if a setting is wrong or there are too many thrusters for a link.
     """
@@ -49,10 +45,9 @@ def open_dronecan(role: Role, channels: int, **settings: Any) -> Protocol:
         host = parse(settings, HostSettings, "protocol dronecan")
         _check_indices(host.esc_index, channels)
         return DroneCanHost(channels, host)
-    hooks = {name: settings.pop(name) for name in ("motor_values", "battery_values") if name in settings}
     device = parse(settings, DeviceSettings, "protocol dronecan")
     _check_indices(device.esc_index, channels)
-    return DroneCanDevice(channels, device, **hooks)
+    return DroneCanDevice(channels, device)
 
 
 def _check_indices(first: int, channels: int) -> None:

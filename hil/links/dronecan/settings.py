@@ -1,12 +1,12 @@
 """Settings of a DroneCAN thruster link."""
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 from hil.common import __version__
 from hil.common.clock import NS_PER_S
 from hil.common.schema import Range
 from hil.links.dronecan.transfer import MAX_NODE_ID
-from hil.links.dronecan.types import UNIQUE_ID_SIZE, BatteryInfo
+from hil.links.dronecan.types import UNIQUE_ID_SIZE
 
 HOST_ID, DEVICE_ID = 10, 20  # 10 is also ArduPilot's
 MAX_ESCS = 20  # in one RawCommand or RPMCommand
@@ -16,20 +16,18 @@ ARMED, TIMED_OUT, TRIPS_SHIFT = 1, 2, 2  # in the vendor-specific status code
 SOFTWARE = (int(__version__.split(".")[0]), int(__version__.split(".")[1]))
 
 # At the lower limit 1 us is 2 rev/min; at the upper limit 2200 us still fits into an int18.
-FULL_RPM_RANGE = 800.0, 74_000.0
-FullRpm = Annotated[float, Range(*FULL_RPM_RANGE)]
+FullRpm = Annotated[float, Range(800.0, 74_000.0)]
 EscIndex = Annotated[int, Range(0, MAX_ESCS - 1)]
-NodeId = Annotated[int, Range(0, MAX_NODE_ID)]
+NodeId = Annotated[int, Range(1, MAX_NODE_ID)]
 
 
 class HostSettings(NamedTuple):
     """Settings of the host end. `own_device` false: the device is not ours, and its NodeStatus carries no arming."""
 
-    node_id: Annotated[int, Range(1, MAX_NODE_ID)] = HOST_ID
+    node_id: NodeId = HOST_ID
     full_rpm: FullRpm = FULL_RPM
     own_device: bool = True
     esc_index: EscIndex = 0  # of the first thruster
-    command: Literal["raw", "rpm"] = "raw"  # RawCommand, or RPMCommand for controllers that hold a speed
     allocate: bool = False  # allocate node numbers to nodes that request one
     unique_id: str = "7575762d68696c20686f737400000000"
 
@@ -39,19 +37,15 @@ class HostSettings(NamedTuple):
 
 
 class DeviceSettings(NamedTuple):
-    """Settings of the device end. `node_id` 0: request a number.
+    """Settings of the device end.
 
     Two devices on a bus need two unique ids. By default they differ by `node_id` and `esc_index`.
     """
 
     node_id: NodeId = DEVICE_ID
-    preferred_node_id: NodeId = 0
     full_rpm: FullRpm = FULL_RPM
     require_arming: bool = True
     esc_index: EscIndex = 0  # of the first thruster
-    stored: str = ""  # file of the stored parameters; without one they last as long as the process
-    battery: BatteryInfo | None = None
-    battery_period: Annotated[float, Range(0.1, 60.0, "s")] = 1.0
     unique_id: str = ""
 
     def validate(self) -> str | None:

@@ -81,17 +81,6 @@ def pack_transfer(can_id: int, payload: bytes, transfer_id: int, seed: int) -> b
     return b"".join(records)
 
 
-def pack_anonymous(kind: DataType, priority: int, payload: bytes, transfer_id: int) -> bytes:
-    """Return the frame of a node that has no number yet: at most 7 bytes, of one of the data types 0 to 3.
-
-    The discriminator is the payload's CRC. So two nodes collide on the bus only with identical frames, which is
-    harmless.
-    """
-    discriminator = crc_hqx(payload, CRC_START) & 0x3FFF
-    can_id = priority << 24 | discriminator << 10 | (kind.id & 3) << 8
-    return pack_transfer(can_id, payload, transfer_id, kind.seed)
-
-
 class _Session:
     """Reassembly state of the transfers of one type from one node."""
 

@@ -112,4 +112,3 @@ def test_the_public_library_commands_the_emulated_stm32(tmp_path: Path) -> None:
     report = json.loads(done.stdout.splitlines()[-1])
     assert [report["speeds"][str(index)] for index in range(6)] == [3500, -3500, 0, 0, 0, 0]
     assert report["nodes"] == {"20": "org.uuv-hil.stm32"}
-    assert report["parameter"] == ["ESC_INDEX", 0]

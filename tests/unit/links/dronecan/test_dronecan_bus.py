@@ -1,20 +1,8 @@
 """DroneCAN on a shared bus: node numbers, foreign controllers, noise."""
 
-from typing import cast
-
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.dronecan.allocation import (
-    FOLLOWUP_DELAY_NS,
-    FOLLOWUP_TIMEOUT_NS,
-    REQUEST_PERIOD_NS,
-    Allocatee,
-    Allocator,
-)
-from hil.links.dronecan.host import DroneCanHost
-from hil.links.dronecan.types import (
-    Allocation,
-    BatteryInfo,
-)
+from hil.links.dronecan.allocation import FOLLOWUP_TIMEOUT_NS, Allocator
+from hil.links.dronecan.types import Allocation
 from hil.links.wires.can_frame import unpack_frames
 from tests.support.links.can_bench import exchange, records
 from tests.support.links.dronecan_ends import NEUTRAL, PULSES, Board, device, host, report
@@ -55,45 +43,6 @@ def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
     assert (board.received[-1].armed, board.received[-1].pwm_us) == (False, NEUTRAL)
     for link in (board.host, board.end.link):
         assert (link.counters.malformed, link.counters.checksum_errors, link.counters.dropped_bytes) == (0, 0, 0)
-
-
-def test_battery_info_has_what_is_measured() -> None:
-    measured = iter(range(15, 99))
-    board = Board(battery_values=lambda: BatteryInfo(voltage_v=next(measured)))
-    board.run(2.9)
-    assert cast("DroneCanHost", board.host.protocol).battery == BatteryInfo(voltage_v=17)
-
-
-def test_the_allocatee_follows_the_allocation_rules() -> None:
-    unique_id = bytes(range(16))
-    random_value = [0.0]
-    asking = Allocatee(unique_id, 5, lambda: random_value[0])
-
-    def next_request(now_ns: int) -> tuple[int, Allocation]:
-        request = asking.request(now_ns)
-        assert request is None, "the delay is drawn first"
-        assert asking.request(asking.due_ns - 1) is None
-        at_ns = asking.due_ns
-        request = asking.request(at_ns)
-        assert request is not None
-        return at_ns, request
-
-    assert next_request(0) == (REQUEST_PERIOD_NS[0], Allocation(5, True, unique_id[:6]))
-    random_value[0] = 0.5
-    asking.on_allocation(0, Allocation(0, True, b"other!"))  # rule C
-    assert next_request(1000) == (1000 + sum(REQUEST_PERIOD_NS) // 2, Allocation(5, True, unique_id[:6]))
-    asking.on_allocation(99, Allocation(0, False, unique_id[:6]))  # rule D
-    assert next_request(2000) == (2000 + sum(FOLLOWUP_DELAY_NS) // 2, Allocation(5, False, unique_id[6:12]))
-    asking.on_allocation(99, Allocation(0, False, b"\xff" + unique_id[1:6]))
-    assert next_request(3000)[1].first_part, "the reply was for another node"
-    asking.on_allocation(99, Allocation(0, False, unique_id[:12]))
-    assert next_request(4000)[1] == Allocation(5, False, unique_id[12:])
-    asking.on_allocation(99, Allocation(0, False, unique_id))
-    assert asking.node_id == 0
-    asking.on_allocation(0, Allocation(9, False, unique_id))
-    assert asking.node_id == 0, "an anonymous node allocates no numbers"
-    asking.on_allocation(99, Allocation(7, False, unique_id))
-    assert asking.node_id == 7  # rule E
 
 
 def ask(allocator: Allocator, unique_id: bytes, preferred: int = 0) -> int:

@@ -1,22 +1,17 @@
 """Our DroneCAN against the reference implementation in Python, the package `dronecan`, on a bus in memory."""
 
 from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
 from hil.common import __version__
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.dronecan.host import DroneCanHost
 from hil.links.dronecan.settings import DeviceSettings
 from hil.links.dronecan.types import UNIQUE_ID_SIZE
 from hil.links.wires.can_frame import CanFrame
-from tests.support.lazy import import_lazily
 from tests.support.links.can_bench import records
 from tests.support.links.dronecan_bench import PULSES, Bench, arm, dronecan, listen, uavcan
-
-dynamic_node_id = import_lazily("dronecan.app.dynamic_node_id")
-node_monitor = import_lazily("dronecan.app.node_monitor")
 
 RAW = [-8191, -20, 0, 20, 5672, 8191]
 
@@ -79,29 +74,6 @@ def test_get_node_info_is_answered(bench: Bench) -> None:
     assert (stm32.software_version.major, stm32.software_version.minor) == version
 
 
-def test_our_battery_info_is_read_by_the_reference_node(bench: Bench) -> None:
-    bench.device(battery={"voltage_v": 15.25, "model_name": "Li-Ion 4S6P", "state_of_charge_pct": 66})
-    node = bench.node(99)
-    received = listen(node, uavcan.equipment.power.BatteryInfo)
-    bench.run(1.2)
-    assert len(received) == 2
-    battery = received[0].message
-    assert (battery.voltage, battery.state_of_charge_pct, str(battery.model_name.decode())) == (
-        15.25,
-        66,
-        "Li-Ion 4S6P",
-    )
-
-
-def test_battery_info_of_a_reference_node_reaches_our_host(bench: Bench) -> None:
-    host, node = bench.host(), bench.node(99)
-    node.broadcast(uavcan.equipment.power.BatteryInfo(voltage=12.5, model_name="x", state_of_charge_pct=9))
-    host.receive()
-    battery = cast("DroneCanHost", host.protocol).battery
-    assert battery is not None
-    assert (battery.voltage_v, battery.model_name, battery.state_of_charge_pct) == (12.5, "x", 9)
-
-
 def test_our_host_commands_reference_controllers(bench: Bench) -> None:
     """Two nodes of three controllers each behave as DroneCAN motor controllers do."""
     host = bench.host(own_device=False)
@@ -128,23 +100,6 @@ def test_our_host_commands_reference_controllers(bench: Bench) -> None:
     assert answer_to_disarm.pwm_us == (1500,) * 6
     assert armings[0][-1].message.status == 0
     assert host.counters.malformed == host.counters.checksum_errors == 0
-
-
-@pytest.mark.parametrize("preferred", [0, 42])
-def test_the_reference_allocator_gives_our_device_a_number(bench: Bench, preferred: int) -> None:
-    end, node = bench.device(node_id=0, preferred_node_id=preferred), bench.node(99)
-    server = dynamic_node_id.CentralizedServer(node, node_monitor.NodeMonitor(node))
-    nodes = listen(node, uavcan.protocol.NodeStatus)
-    bench.run(3.0)
-    number = preferred or 125
-    given = dict(server.get_allocation_table())
-    assert given[DeviceSettings(node_id=0).unique_bytes] == number
-    assert nodes[-1].transfer.source_node_id == number
-    arm(node)
-    node.broadcast(uavcan.equipment.esc.RawCommand(cmd=RAW))
-    bench.run()
-    assert end.stm32.pwm_us == list(PULSES)
-    server.close()
 
 
 def test_our_allocator_gives_a_reference_node_a_number(bench: Bench) -> None:

@@ -4,7 +4,7 @@ from typing import cast
 
 import pytest
 
-from hil.links.can_thrusters import MotorValues
+from hil.common.errors import ConfigError
 from hil.links.contract import MAX_THRUSTERS, Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.dronecan import types
 from hil.links.dronecan.link import open_dronecan
@@ -129,15 +129,9 @@ def test_node_status_is_sent_once_a_second() -> None:
 
 
 def test_esc_status_has_its_fields() -> None:
-    def values(thruster: int, pulse_us: int) -> MotorValues:
-        return MotorValues(12.5, thruster + pulse_us / 1000, 280.0 + thruster)
-
-    output = device(2, motor_values=values, full_rpm=4000).encode(report((1500, 1700), errors=3))
+    output = device(2, full_rpm=4000, esc_index=5).encode(report((1500, 1700), errors=3))
     status = [unpack_esc_status(transfer.payload) for transfer in transfers(output, types.ESC_STATUS)]
-    assert status[0] == EscStatus(3, 12.5, 1.5, 280.0, 0, 0, 0)
-    assert status[1] is not None
-    assert status[1]._replace(current_a=0) == EscStatus(3, 12.5, 0, 281.0, 2000, 12, 1)
-    assert status[1].current_a == pytest.approx(2.7, rel=1e-3)
+    assert status == [EscStatus(3, 16.0, 0.0, 288.0, 0, 0, 5), EscStatus(3, 16.0, 3.0, 291.75, 2000, 12, 6)]
     own = [unpack_esc_status(t.payload) for t in transfers(device(2).encode(report((1100, 1900))), types.ESC_STATUS)]
     assert [(s.rpm, s.current_a, s.power_pct) for s in own if s] == [(-3500, 24.0, 100), (3500, 24.0, 100)]
 
@@ -173,6 +167,13 @@ def test_reports_of_controllers_combine_in_any_order_and_rate(order: tuple[int, 
         ages = [pulse - 100 * index for index, pulse in enumerate(pulses)]
         assert max(ages) - min(ages) <= 4, "of about the same time"
     assert reported[-1][0] >= 1535
+
+
+def test_indices_beyond_a_command_are_refused() -> None:
+    for end in (host, device):
+        end(6, esc_index=14)
+        with pytest.raises(ConfigError, match="esc_index: 6 thrusters from 15 on"):
+            end(6, esc_index=15)
 
 
 class DroneCan(CanLinkContract):
