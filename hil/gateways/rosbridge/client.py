@@ -10,12 +10,11 @@ from typing import Any
 
 from aiohttp import web
 
-from hil.common.clock import NS_PER_S, now_ns
+from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns
 from hil.common.errors import ConfigError, HilError
 from hil.common.text import json_text
 from hil.gateways.commanding import Commanding
 from hil.gateways.rosbridge import rosapi
-from hil.gateways.rosbridge.subscription import Subscription, read_options
 from hil.gateways.values import arguments, from_json, to_cbor, to_json, whole_type
 from hil.gateways.websocket_client import SocketClient
 from hil.recording.mcap_file import Message
@@ -31,7 +30,49 @@ NOT_HERE = (
     "send_action_goal", "cancel_action_goal", "action_feedback", "action_result", "fragment", "png", "auth",
 )  # fmt: skip
 
+COMPRESSIONS = ("none", "cbor", "cbor-raw")
+LONGEST_THROTTLE_MS = 3_600_000
+
 Latched = Callable[[str], Message | None]
+
+
+class Subscription:
+    """A client's subscriptions to one topic, by their ids: a message is sent once, for the one that wants most.
+
+    What comes within the throttle's time after a message is left out.
+    """
+
+    def __init__(self) -> None:
+        self._wanted: dict[str, tuple[int, str]] = {}  # least time between messages (ns), and encoding
+        self._next_ns = 0  # when the next may be sent
+
+    def add(self, ident: str, request: Mapping[str, Any]) -> None:
+        """Add a `subscribe`, or change it. Raises ConfigError."""
+        throttle, compression = request.get("throttle_rate") or 0, request.get("compression") or "none"
+        if isinstance(throttle, bool) or not isinstance(throttle, (int, float)) or not throttle >= 0:
+            raise ConfigError("throttle_rate: expected a number from 0 on")
+        if compression not in COMPRESSIONS:
+            raise ConfigError(f"compression: {str(compression)[:20]!r} is none of {', '.join(COMPRESSIONS)}")
+        self._wanted[ident] = round(min(throttle, LONGEST_THROTTLE_MS) * NS_PER_MS), compression
+
+    def remove(self, ident: str | None) -> bool:
+        """Remove one, or all; return whether none is left."""
+        if ident is None:
+            self._wanted.clear()
+        self._wanted.pop(ident or "", None)
+        return not self._wanted
+
+    @property
+    def compression(self) -> str:
+        """The encoding that was asked for last."""
+        return next(reversed(self._wanted.values()))[1]
+
+    def admits(self, now: int) -> bool:
+        """Return whether a message of now (ns) is to be sent."""
+        if now < self._next_ns:
+            return False
+        self._next_ns = now + min(throttle for throttle, _ in self._wanted.values())
+        return True
 
 
 class Client(SocketClient):
@@ -56,26 +97,12 @@ class Client(SocketClient):
         self._subscriptions: dict[str, Subscription] = {}
         self._advertised: dict[str, str] = {}
         self._calls = 0
-        self._timer: asyncio.TimerHandle | None = None
 
     def show(self, message: Message) -> None:
         """Send a message, if the client wants it."""
         subscription = self._subscriptions.get(message.topic)
-        if subscription is None:
-            return
-        now = subscription.admit(message, now_ns())
-        if now is not None:
-            self._send_message(subscription, now)
-        elif subscription.due_ns is not None:
-            self._set_timer()
-
-    async def serve(self) -> None:
-        """Send and receive until the client goes."""
-        try:
-            await super().serve()
-        finally:
-            if self._timer:
-                self._timer.cancel()
+        if subscription and subscription.admits(now_ns()):
+            self._send_message(subscription, message)
 
     def _put(self, op: str, ident: Any = None, **values: Any) -> None:
         more = {} if ident is None else {"id": ident}
@@ -102,21 +129,6 @@ class Client(SocketClient):
             content = {"secs": seconds, "nsecs": nanoseconds, "bytes": message.data}
         published = {"op": "publish", "topic": message.topic, "msg": content}
         self._queue.put(cbor2.dumps(published), keep=False)
-
-    def _set_timer(self) -> None:
-        """Look again when the next message that waits is due."""
-        due = [each.due_ns for each in self._subscriptions.values() if each.due_ns is not None]
-        if due and self._timer is None:
-            wait_s = max(0.0, (min(due) - now_ns()) / NS_PER_S)
-            self._timer = asyncio.get_running_loop().call_later(wait_s, self._send_due)
-
-    def _send_due(self) -> None:
-        self._timer = None
-        for subscription in self._subscriptions.values():
-            message = subscription.take_waiting(now_ns())
-            if message is not None:
-                self._send_message(subscription, message)
-        self._set_timer()
 
     async def _on_binary(self, data: bytes) -> None:
         await self._on_text(data.decode(errors="replace"))  # roslibpy sends its JSON so
@@ -164,7 +176,8 @@ class Client(SocketClient):
                 raise ConfigError(f"no operation of rosbridge: {op[:60]!r}")
 
     async def _subscribe(self, message: dict[str, Any], ident: Any) -> None:
-        topic, options = _name(message, "topic"), read_options(message)
+        topic = _name(message, "topic")
+        Subscription().add("", message)  # an error now
         type_name = whole_type(_name(message, "type")) if message.get("type") else ""
         if len(self._subscriptions) >= MAX_TOPICS:
             raise ConfigError(f"no more than {MAX_TOPICS} topics")
@@ -172,7 +185,7 @@ class Client(SocketClient):
         if type_name and kind and type_name != kind:
             raise ConfigError(f"{topic} has the type {kind}, not {type_name}")
         subscription = self._subscriptions.setdefault(topic, Subscription())
-        subscription.add("" if ident is None else str(ident)[:LONGEST_NAME], options)
+        subscription.add("" if ident is None else str(ident)[:LONGEST_NAME], message)
         await asyncio.to_thread(self._commanding.subscribe, topic)
         last = self._latched(topic)
         if last:

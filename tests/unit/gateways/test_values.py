@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from hil.common.errors import ConfigError
 from hil.common.text import json_text
+from hil.gateways.rosbridge.client import Subscription
 from hil.gateways.rosbridge.rosapi import typedefs
-from hil.gateways.rosbridge.subscription import Subscription, SubscriptionOptions, read_options
 from hil.gateways.values import arguments, from_json, to_cbor, to_json, whole_type
 from hil.ros import message as ros_message
 from hil.ros import types
@@ -109,42 +109,30 @@ def test_typedefs_contain_all_nested_types() -> None:
 MS = 1_000_000
 
 
-def test_a_throttle_without_a_queue_drops_messages() -> None:
+def test_a_throttle_leaves_messages_out() -> None:
     subscription = Subscription()
-    subscription.add("a", read_options({"throttle_rate": 100}))
-    taken = [subscription.admit(number, number * 40 * MS) for number in range(6)]
-    assert taken == [0, None, None, 3, None, None]
-    assert subscription.due_ns is None
-
-
-def test_a_throttled_queue_drops_its_oldest_messages() -> None:
-    subscription = Subscription()
-    subscription.add("a", SubscriptionOptions(100 * MS, 2, "none"))
-    assert [subscription.admit(number, 0) for number in range(4)] == [0, None, None, None]
-    assert subscription.due_ns == 100 * MS
-    assert subscription.take_waiting(50 * MS) is None
-    assert [subscription.take_waiting(100 * MS), subscription.take_waiting(200 * MS)] == [2, 3]
-    assert subscription.due_ns is None
+    subscription.add("a", {"throttle_rate": 100, "queue_length": 5})
+    assert [subscription.admits(number * 40 * MS) for number in range(6)] == [True, False, False, True, False, False]
 
 
 def test_the_faster_of_two_subscriptions_applies_until_removed() -> None:
     subscription = Subscription()
-    subscription.add("slow", SubscriptionOptions(1000 * MS, 0, "none"))
-    subscription.add("fast", SubscriptionOptions(0, 0, "cbor"))
+    subscription.add("slow", {"throttle_rate": 1000})
+    subscription.add("fast", {"compression": "cbor"})
     assert subscription.compression == "cbor"
-    assert [subscription.admit(number, number) for number in range(3)] == [0, 1, 2]
+    assert all(subscription.admits(now) for now in range(3))
     assert not subscription.remove("fast")
     assert subscription.compression == "none"
-    assert subscription.admit(3, 10) == 3
-    assert subscription.admit(4, 20) is None
+    assert [subscription.admits(10), subscription.admits(20)] == [True, False]
     assert subscription.remove("slow")
 
 
-@given(st.dictionaries(st.sampled_from(["throttle_rate", "queue_length", "compression"]), JSON))
+@given(st.dictionaries(st.sampled_from(["throttle_rate", "compression"]), JSON))
 def test_invalid_subscription_options_are_bounded_or_refused(message: dict[str, Any]) -> None:
+    subscription = Subscription()
     try:
-        options = read_options(message)
+        subscription.add("a", message)
     except ConfigError:
         return
-    assert 0 <= options.throttle_ns <= 3600 * 10**9
-    assert 0 <= options.queue_length <= 1000
+    assert subscription.admits(0)
+    assert subscription.admits(3600 * 10**9)
