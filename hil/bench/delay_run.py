@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
-from hil.bench.floors.network import Floor, Load, RoundTrips, wait_ns
+from hil.bench.floors.network import Floor, RoundTrips, wait_ns
 from hil.bench.harness import READY_S, Bench, Process, await_vehicle, labels_of, program
 from hil.bench.loopback import settled
 from hil.bench.presence import check_end, check_present
@@ -40,13 +40,12 @@ class Plan(NamedTuple):
     """Settings of the measurement of one configuration.
 
     `rate` Hz of commands, over `seconds`; `burners`: processes that take all the processor they get, on this machine;
-    `payload`: bytes that cross the network beside each command; `steps` of the measurement of motion.
+    `steps` of the measurement of motion.
     """
 
     rate: float = 20.0
     seconds: float = 10.0
     burners: int = 0
-    payload: int = 0
     steps: int = 10
 
 
@@ -54,19 +53,15 @@ Echo = tuple[str, int, int]  # host, UDP port, TCP port of a `hil.bench.floors.n
 
 
 class Result(NamedTuple):
-    """Result of one run in ms; `hops` and `delay` have one value a command, `at_s` is when it was published.
+    """Result of one run.
 
-    `udp` and `tcp` are empty where there is no echo beside the slave. `wire` is the least time on the line, that of the
-    bits (`wire_ms`). `rate` is the rate at which commands were sent, Hz. `warnings` are
-    reasons to doubt the figures, `labels` are what a slave elsewhere reports of its machine.
+    `values` in ms: "delay" and "hop ..." have one value a command; "motion"; "udp floor" and "tcp floor", empty where
+    there is no echo beside the slave. `wire` is the least time on the line, that of the bits (`wire_ms`). `rate` is the
+    rate at which commands were sent, Hz. `warnings` are reasons to doubt the figures, `labels` are what a slave
+    elsewhere reports of its machine.
     """
 
-    delay: list[float]
-    at_s: list[float]
-    hops: dict[str, list[float]]
-    motion: list[float]
-    udp: list[float]
-    tcp: list[float]
+    values: dict[str, list[float]]
     wire: float
     sent: int
     rate: float
@@ -78,11 +73,15 @@ class Result(NamedTuple):
     @property
     def floor(self) -> float:
         """The median of bare TCP one way, and the frame's time on its line; nan without an echo that answers."""
-        return quantile(sorted(self.tcp), 0.5) + self.wire
+        return quantile(sorted(self.values["tcp floor"]), 0.5) + self.wire
 
     def at(self, share: float) -> float:
         """Return the quantile of the delay."""
-        return quantile(sorted(self.delay), share)
+        return quantile(sorted(self.values["delay"]), share)
+
+    def middle(self, name: str) -> float:
+        """Return the median of some of its values; nan without values."""
+        return median(self.values[name])
 
 
 class Observer(VehicleClient):
@@ -105,16 +104,8 @@ def pooled(runs: Sequence[Result]) -> Result:
     first, *others = runs
     if not others:
         return first
-    at_s: list[float] = []
-    for run in runs:
-        at_s += [(at_s[-1] if at_s else 0.0) + at for at in run.at_s]
     return first._replace(
-        delay=[x for run in runs for x in run.delay],
-        motion=[x for run in runs for x in run.motion],
-        udp=[x for run in runs for x in run.udp],
-        tcp=[x for run in runs for x in run.tcp],
-        at_s=at_s,
-        hops={hop: [x for run in runs for x in run.hops[hop]] for hop in HOPS},
+        values={name: [x for run in runs for x in run.values[name]] for name in first.values},
         wire=min(run.wire for run in runs),
         sent=sum(run.sent for run in runs),
         rate=median([run.rate for run in runs]),
@@ -126,25 +117,24 @@ def pooled(runs: Sequence[Result]) -> Result:
 def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = None) -> Result:
     """Measure one configuration. `endpoint` is that of a slave elsewhere, `echo` the echo server beside it.
 
-    Without `echo` a slave elsewhere has no floor, and there can be no payload. Raises HilError.
+    Without `echo` a slave elsewhere has no floor. Raises HilError.
     """
     slave = None if endpoint else bench.start_slave()
     with ExitStack() as stack:
         echo = echo or (None if endpoint else stack.enter_context(_own_echo(bench)))
         floor = stack.enter_context(Floor(*echo, COMMAND_BYTES)) if echo else None
-        load = stack.enter_context(Load(echo[0], echo[2], plan.payload)) if echo and plan.payload else None
         stack.enter_context(_burners(plan.burners))
         client = stack.enter_context(_observer(bench, endpoint))
         await_vehicle(client, slave)
         client.delays.same_clock = client.contact.same_clock
-        spans = _command(client, slave, plan, floor, load)
+        spans = _command(client, slave, plan, floor)
         counted = wire_ms(bench.scenario, client.diagnostics(), bool(endpoint))
         motion = _motion(client, slave, plan.steps)
         wait_ns(now_ns() + round(SETTLE_S * NS_PER_S))
         check_end(client, slave)
         result = _result(client.delays, spans, motion, floor, counted)
         paced = not endpoint and _pace(bench.scenario.link) > 0
-        result.warnings.extend(_doubts(result, plan, floor, load, client.contact.losses, paced))
+        result.warnings.extend(_doubts(result, plan, floor, client.contact.losses, paced))
         return result._replace(wire=counted, labels=labels_of(client.diagnostics()) if endpoint else ())
 
 
@@ -185,13 +175,10 @@ def _link_of(own_link: Link, slave: Diagnostics) -> Link:
     return link if protocol == own_link.protocol else link._replace(options={})
 
 
-def _command(
-    client: Observer, slave: Process | None, plan: Plan, floor: Floor | None, load: Load | None
-) -> list[tuple[int, int]]:
+def _command(client: Observer, slave: Process | None, plan: Plan, floor: Floor | None) -> list[tuple[int, int]]:
     """Send commands for the plan's time; return when each put began and ended (wall clock).
 
-    The floor is measured half a period after each command, at high rates after every n-th. The payload is being
-    sent when the command follows it; its rest is sent afterwards, and the floor is measured without it.
+    The floor is measured half a period after each command, at high rates after every n-th.
     """
     period = round(NS_PER_S / plan.rate)
     every = max(1, round(plan.rate / 50.0))
@@ -200,17 +187,12 @@ def _command(
     for number in range(WARM_UP + round(plan.seconds * plan.rate)):
         wait_ns(schedule.deadline_ns)
         check_present(client, slave)
-        if load:
-            load.begin()
         began = now_ns()
         client.command(VelocityCommand(0.1, 0.0, 0.0, yaw_rate=0.02 if number % 2 else -0.02))
         spans.append((to_wall_ns(began), to_wall_ns(now_ns())))
-        quiet = load is None or load.finish(began + period // 2)
-        if floor and quiet and number >= WARM_UP and number % every == 0:
+        if floor and number >= WARM_UP and number % every == 0:
             wait_ns(began + period // 2)
             floor.measure(began + period)
-        elif load:
-            load.finish(began + period)
         schedule.due(now_ns())
     wait_ns(began + period)  # otherwise the next command replaces the last one in the slave's command_receiver
     return spans[WARM_UP:]
@@ -262,8 +244,9 @@ def _result(
     """Return the commands of `spans` only: neither the warm-up's nor the motion's. `wire`: ms counted on the line."""
     first, last = (spans[0][0], spans[-1][1]) if spans else (0, 0)
     ended = dict(_published(meter, spans))
-    hops: dict[str, list[float]] = {name: [] for name in HOPS}
-    delay, at_s = [], []
+    values: dict[str, list[float]] = {"delay": [], "motion": motion, **{f"hop {name}": [] for name in HOPS}}
+    for name, round_trip in (("udp floor", floor and floor.udp), ("tcp floor", floor and floor.tcp)):
+        values[name] = [taken / NS_PER_MS for taken in round_trip.taken_ns] if round_trip else []
     for sample, total in zip(meter.samples(), meter.totals_ns(), strict=True):
         if not first <= sample.published_ns <= last:
             continue
@@ -283,43 +266,35 @@ def _result(
             stm32 - on_wire,
         )
         for name, value in zip(HOPS, parts, strict=True):
-            hops[name].append(value)
-        delay.append(total / NS_PER_MS)
-        at_s.append((sample.published_ns - first) / NS_PER_S)
+            values[f"hop {name}"].append(value)
+        values["delay"].append(total / NS_PER_MS)
     offset, uncertainty = (value / NS_PER_MS for value in meter.offset_ns())
-    round_trips = (floor.udp, floor.tcp) if floor else ()
-    udp, tcp = [[value / NS_PER_MS for value in round_trip.taken_ns] for round_trip in round_trips] or ([], [])
     rate = (len(spans) - 1) * NS_PER_S / (spans[-1][0] - first) if len(spans) > 1 else math.nan
-    return Result(
-        delay, at_s, hops, motion, udp, tcp, wire, len(spans), rate, offset, uncertainty, find_doubts(meter)
-    )  # fmt: skip
+    return Result(values, wire, len(spans), rate, offset, uncertainty, find_doubts(meter))
 
 
-def _doubts(
-    result: Result, plan: Plan, floor: Floor | None, load: Load | None, losses: int, paced: bool
-) -> Iterator[str]:
+def _doubts(result: Result, plan: Plan, floor: Floor | None, losses: int, paced: bool) -> Iterator[str]:
     """Return further reasons to doubt the result.
 
     The result's `wire` is the time of the line that was counted; `paced`: a timer of this project makes it.
     """
-    missing = result.sent - len(result.delay)
-    if missing and result.delay:
+    values = result.values
+    missing = result.sent - len(values["delay"])
+    if missing and values["delay"]:
         yield f"{missing} of {result.sent} commands were not answered by the STM32: lost, or overtaken by the next"
     if losses:
         yield f"the vehicle was lost {losses} times meanwhile"
     if abs(result.rate / plan.rate - 1.0) > OFF:
         yield f"commands were sent at {result.rate:.1f} Hz instead of {plan.rate:g}: this machine has no time for more"
-    beyond = [wire + rest for wire, rest in zip(result.hops["wire"], result.hops["STM32"], strict=True)]
+    beyond = [wire + rest for wire, rest in zip(values["hop wire"], values["hop STM32"], strict=True)]
     if not paced and result.wire and beyond and median(beyond) < (1.0 - OFF) * result.wire:
         yield f"the line took less than the {result.wire:.3f} ms of its bits: its baud is not what the slave says"
     steps = max(plan.steps - 1, 0)
-    if len(result.motion) < steps:
+    if len(values["motion"]) < steps:
         yield (
-            f"{steps - len(result.motion)} of {steps} steps in surge did not show in the acceleration within "
+            f"{steps - len(values['motion'])} of {steps} steps in surge did not show in the acceleration within "
             f"{STEP_S:.1f} s: this vehicle answers too slowly, or has no accelerometer"
         )
-    if load and load.late:
-        yield f"{load.late} times the payload was still under way when the next was due, which was left out"
     for name, round_trip in (("UDP", floor.udp), ("TCP", floor.tcp)) if floor else ():
         yield from _losses(name, round_trip)
 

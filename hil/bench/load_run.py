@@ -38,18 +38,25 @@ class Cost(NamedTuple):
 
 
 class Course(NamedTuple):
-    """CPU (share of a core) and memory (MiB) of all processes together, a value a second, and of each by its name.
+    """Cost of each process of a setting by its name: its role, "slave", "STM32" or "imaging", behind its node.
 
-    A process is named by its role, "slave", "STM32" or "imaging", behind its node if there are several. A
-    setting that could not be measured has no values, but a `failure`.
+    The node is left out if there is only one. A setting that could not be measured has no processes, but a `failure`.
     """
 
     setting: Setting
-    cpu: list[float] = []  # noqa: RUF012 - never changed
-    memory: list[float] = []  # noqa: RUF012 - never changed
     processes: dict[str, Cost] = {}  # noqa: RUF012 - never changed
     labels: tuple[str, ...] = ()
     failure: str = ""
+
+    @property
+    def cpu(self) -> list[float]:
+        """CPU of all processes together (share of a core), a value a second."""
+        return [sum(values) for values in zip(*(cost.cpu for cost in self.processes.values()), strict=True)]
+
+    @property
+    def memory(self) -> list[float]:
+        """Memory of all processes together (MiB), a value a second."""
+        return [sum(values) for values in zip(*(cost.memory for cost in self.processes.values()), strict=True)]
 
 
 def settings(fitted: Collection[str] | None, rates: list[float], vehicles: list[int]) -> Iterator[Setting]:
@@ -146,7 +153,7 @@ def course(setting: Setting, readings: list[Threads], names: dict[int, str]) -> 
         cost = {thread: [step.get(key, 0.0) for step in steps] for key, thread in own.items()}
         memory = [each.memory[pid].pss_mib if pid in each.memory else 0.0 for each in readings[1:]]
         processes[name] = Cost([sum(step.get(key, 0.0) for key in own) for step in steps], memory, cost)
-    return Course(setting, [sum(step.values()) for step in steps], [each.pss_mib for each in readings[1:]], processes)
+    return Course(setting, processes)
 
 
 class Difference(NamedTuple):
@@ -168,22 +175,3 @@ def difference(values: list[float], base: list[float], again: Collection[list[fl
     """
     apart = [abs(median(each) - median(base)) for each in again]
     return Difference(median(values) - median(base), max(spread(values), spread(base), *apart, 0.0))
-
-
-def groups(courses: list[Course]) -> list[str]:
-    """Return the kinds of processes, those of the first setting first."""
-    return list(dict.fromkeys(kind(name) for each in courses for name in each.processes))
-
-
-def kind(name: str) -> str:
-    """Return the kind of a process from its name: "uuv2 STM32" is an "STM32"."""
-    words = [word for word in name.split() if not word.startswith("#")]
-    return words[-1]
-
-
-def of_group(each: Course, group: str) -> Cost:
-    """Return all processes of a kind together; empty lists where a setting has none."""
-    own = [cost for name, cost in each.processes.items() if kind(name) == group]
-    cpu = [sum(values) for values in zip(*[cost.cpu for cost in own], strict=True)]
-    memory = [sum(values) for values in zip(*[cost.memory for cost in own], strict=True)]
-    return Cost(cpu, memory, {})

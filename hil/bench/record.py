@@ -4,7 +4,6 @@ import json
 import os
 import time
 from collections.abc import Iterable
-from itertools import islice
 from math import isfinite
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -21,15 +20,11 @@ Better = Literal["lower", "higher", ""]
 
 
 class Figure(NamedTuple):
-    """One quantity: its values, one for each repetition or sample, and whether a lower or a higher one is better.
-
-    `runs`: number of values from each start of the programs, in order; empty if not known.
-    """
+    """One quantity: its values, one for each repetition or sample, and whether a lower or a higher one is better."""
 
     values: list[float]
     unit: str
     better: Better = "lower"
-    runs: tuple[int, ...] = ()
 
     @property
     def median(self) -> float:
@@ -37,16 +32,9 @@ class Figure(NamedTuple):
         return median(self.values)
 
     @property
-    def by_run(self) -> list[list[float]]:
-        """The values, run by run; none if `runs` is empty."""
-        rest = iter(self.values)
-        return [list(islice(rest, count)) for count in self.runs]
-
-    @property
     def finite(self) -> "Figure":
-        """Return the figure without nan values, and without runs that have only these."""
-        counts = (sum(map(isfinite, run)) for run in self.by_run)
-        return self._replace(values=list(filter(isfinite, self.values)), runs=tuple(filter(None, counts)))
+        """Return the figure without nan values."""
+        return self._replace(values=list(filter(isfinite, self.values)))
 
     @property
     def spread(self) -> float:
@@ -138,14 +126,12 @@ def _summary(figure: Figure) -> dict[str, float]:
 
 def _figure(row: dict[str, Any]) -> Figure:
     """Return one figure of a record. Raises ValueError and others."""
-    values, runs = row["values"], tuple(row.get("runs", ()))
+    values = row["values"]
     if not all(type(value) in (int, float) and isfinite(value) for value in values):
         raise ValueError("values")
-    if not all(type(count) is int and count > 0 for count in runs) or (runs and sum(runs) != len(values)):
-        raise ValueError("runs")
     if not isinstance(row["unit"], str) or row["better"] not in get_args(Better):
         raise ValueError("unit, better")
-    return Figure([float(value) for value in values], row["unit"], row["better"], runs)
+    return Figure([float(value) for value in values], row["unit"], row["better"])
 
 
 def _check(record: Record) -> None:

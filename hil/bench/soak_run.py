@@ -15,7 +15,6 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import READY_S, Bench, await_vehicle
 from hil.bench.presence import wait_for_silence
 from hil.bench.processes import read_threads
-from hil.bench.statistics import Interval
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_MS
 from hil.common.errors import NetworkError
@@ -171,13 +170,15 @@ def measured(values: Sequence[float]) -> list[float]:
     return [value for value in values if not isnan(value)]
 
 
-def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tuple[float, Interval]:
-    """Return the slope in units an hour by least squares, and its interval of 95 %, by resampling blocks of the record.
+def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tuple[float, float, float]:
+    """Return the slope in units an hour by least squares, and the ends of its interval of 95 %.
+
+    The interval is made by resampling blocks of the record.
 
     Blocks, because neighbours are alike (moving block bootstrap: Kuensch, Annals of Statistics 17, 1989).
     """
     if len(values) < 3:
-        return nan, Interval(nan, nan)
+        return nan, nan, nan
     random = Random(seed)
     length = max(len(values) // BLOCKS, 1)
     slope, rise = linear_regression(at_s, values)
@@ -191,4 +192,4 @@ def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tupl
         slopes.append(linear_regression(at_s, drawn[: len(values)]).slope + slope)
     slopes.sort()
     per_hour = 3600.0
-    return slope * per_hour, Interval(quantile(slopes, 0.025) * per_hour, quantile(slopes, 0.975) * per_hour)
+    return slope * per_hour, quantile(slopes, 0.025) * per_hour, quantile(slopes, 0.975) * per_hour

@@ -1,22 +1,10 @@
-"""Medians and spread, and the record of an interval."""
+"""Medians and spread."""
 
 import statistics
 from collections.abc import Sequence
 from math import nan
-from typing import NamedTuple
 
 from hil.common.quantiles import quantile
-
-
-class Interval(NamedTuple):
-    """Confidence interval of a figure, from `low` to `high`."""
-
-    low: float
-    high: float
-
-    def holds(self, value: float) -> bool:
-        """Return whether `value` is inside, ends included."""
-        return self.low <= value <= self.high
 
 
 def median(values: Sequence[float]) -> float:

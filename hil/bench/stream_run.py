@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from hil.bench.harness import Process, await_vehicle
 from hil.bench.presence import check_end, check_present
+from hil.bench.report import Row
 from hil.client.client import VehicleClient
 from hil.client.delay import doubts_of
 from hil.common.clock import NS_PER_MS, now_ns, to_wall_ns
@@ -23,27 +24,26 @@ QUEUE = 20_000
 SENSOR_TOPICS = {"odometry": ("odom",), "dvl": ("dvl", "dvl_twist", "altitude")}  # other sensors: their name
 
 
-class Stream(NamedTuple):
-    """The received messages of one topic.
-
-    `rate` Hz, `nominal` likewise, nan where no rate is specified. `loss` 0 to 1 by sequence numbers,
-    `missing` 0 to 1 of the messages due by the nominal rate. Ages (ms) from publication, nan if unknown; `bytes_s`.
-    """
-
-    topic: str
-    rate: float
-    nominal: float
-    loss: float
-    missing: float
-    age_p50: float
-    age_p99: float
-    bytes_s: float
+ROWS = (
+    Row("rate", "rate", "Hz", "{:.1f}", "higher"),
+    Row("nominal", "nominal", "Hz", "{:g}", ""),
+    Row("loss", "loss", "%", "{:.3f}"),
+    Row("missing", "missing", "%", "{:.3f}"),
+    Row("age p50", "age p50", "ms", "{:.3f}"),
+    Row("age p99", "age p99", "ms", "{:.3f}"),
+    Row("bandwidth", "bandwidth", "bytes/s", "{:.0f}", ""),
+)
+Stream = dict[str, float]  # name of a row -> its value for one topic, nan if unknown
 
 
 class Listening(NamedTuple):
-    """Messages of one run by topic, and the reasons to doubt their ages."""
+    """What came of each topic in one run, and the reasons to doubt the ages.
 
-    streams: list[Stream]
+    Loss is counted by sequence numbers, "missing" is the share of the messages due by the nominal rate. Ages are from
+    publication.
+    """
+
+    streams: dict[str, Stream]
     warnings: list[str]
 
 
@@ -95,7 +95,7 @@ class Listener:
         check_end(self.client, slave)
         topics = sorted({*self._counts, *self._expected})
         ages = {topic: sorted(self._ages(self._counts[topic])) for topic in topics if topic in self._counts}
-        streams = [self._stream(topic, ages.get(topic, [])) for topic in topics]
+        streams = {topic: self._stream(topic, ages.get(topic, [])) for topic in topics}
         if not ages:
             raise NetworkError(
                 f"nothing came from {self.client.node} at {self.client.endpoint}; start it: uuv-hil slave"
@@ -130,8 +130,10 @@ class Listener:
         sent = sum(last - first + 1 for first, last in count.numbers.values())
         loss = 1.0 - min(count.messages / sent, 1.0) if sent else nan
         short = missing(count.messages, nominal, seconds)
-        rate, bytes_s = count.messages / seconds, count.bytes / seconds
-        return Stream(topic, rate, nominal, loss, short, quantile(ages, 0.5), quantile(ages, 0.99), bytes_s)
+        return {
+            "rate": count.messages / seconds, "nominal": nominal, "loss": 100.0 * loss, "missing": 100.0 * short,
+            "age p50": quantile(ages, 0.5), "age p99": quantile(ages, 0.99), "bandwidth": count.bytes / seconds,
+        }  # fmt: skip
 
     def _doubts(self, ages: list[float]) -> list[str]:
         """Return why the ages may be wrong, as hil.client.delay.judge does for commands.

@@ -1,5 +1,6 @@
 """Invented results of delay runs for tests."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from hil.bench.delay_run import HOPS, Result
@@ -27,12 +28,11 @@ def meter(
     return delay_meter
 
 
-def some_result(delay: list[float], **changes: Any) -> Result:
-    """Return a run at 20 Hz that found these delays (ms), its floor 0.05 ms."""
-    hops = {name: [value / len(HOPS) for value in delay] for name in HOPS}
-    at_s = [number / 20 for number in range(len(delay))]
-    found = Result(delay, at_s, hops, [4.0] * 9, [0.06] * 9, [0.05] * 9, 0.0, len(delay), 20.0, 0.0, 0.0, [])
-    return found._replace(**changes)
+def some_result(delay: list[float], found: Mapping[str, list[float]] = {}, **changes: Any) -> Result:
+    """Return a run at 20 Hz that found these delays and other values (ms), its floor 0.05 ms."""
+    values = {"delay": delay, "motion": [4.0] * 9, "udp floor": [0.06] * 9, "tcp floor": [0.05] * 9}
+    values |= {f"hop {name}": [value / len(HOPS) for value in delay] for name in HOPS}
+    return Result({**values, **found}, 0.0, len(delay), 20.0, 0.0, 0.0, [])._replace(**changes)
 
 
 def on(port: str) -> Diagnostics:

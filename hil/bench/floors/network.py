@@ -12,7 +12,6 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 
 MAX = 1 << 16  # bytes at once
-ZEROS = memoryview(bytes(MAX))
 PATIENCE_S = 1.0  # for a connection, and for a client that sends and does not read
 MIN_S = 0.001  # time for an answer, even if it was requested late
 GIVE_UP = 3  # requests without an answer after which no more are sent
@@ -151,57 +150,6 @@ class Floor:
         round_trip = self.udp if self._use_udp else self.tcp
         if not round_trip.is_silent:
             round_trip.measure_once(until_ns)
-
-
-class Load:
-    """Background traffic: `size` bytes at a time to an echo and back. Use as a context.
-
-    It has its own connection. `late` counts how often the bytes had not returned when the next were due, which are then
-    not sent. Raises NetworkError if there is no echo, or it disconnects.
-    """
-
-    def __init__(self, host: str, tcp: int, size: int) -> None:
-        self._stream = _connect(host, tcp, socket.SOCK_STREAM)
-        self._stream.setblocking(False)
-        self._where = f"{host}:{tcp}"
-        self._size = size
-        self._unsent = self._awaited = 0
-        self.late = 0
-
-    def __enter__(self) -> "Load":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stream.close()
-
-    def begin(self) -> None:
-        """Send as many bytes as the network accepts at once, and do not wait."""
-        if self._awaited:
-            self.late += 1
-        else:
-            self._unsent = self._awaited = self._size
-        self._move()
-
-    def finish(self, until_ns: int) -> bool:
-        """Send the rest and receive until `until_ns` (monotonic); return whether all have returned."""
-        while self._awaited and (left := until_ns - now_ns()) > 0:
-            select.select((self._stream,), (self._stream,) if self._unsent else (), (), left / NS_PER_S)
-            self._move()
-        return not self._awaited
-
-    def _move(self) -> None:
-        try:
-            with suppress(BlockingIOError):
-                while self._unsent:
-                    self._unsent -= self._stream.send(ZEROS[: self._unsent])
-            with suppress(BlockingIOError):
-                while self._awaited:
-                    count = len(self._stream.recv(MAX))
-                    if not count:
-                        raise ConnectionResetError("closed")
-                    self._awaited -= count
-        except OSError as error:
-            raise NetworkError(f"the echo at {self._where} went away: {error}; start it again") from None
 
 
 def wait_ns(deadline: int) -> None:

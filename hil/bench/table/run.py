@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 from hil.bench.floors import bare_slave
 from hil.bench.harness import READY_S, Bench
 from hil.bench.processes import resident_mib
-from hil.bench.record import Better, Figure
+from hil.bench.record import Figure
+from hil.bench.report import Row
 from hil.bench.table.hil_table import PAPER_BOARD_MIB
 from hil.common.children import module_command
 from hil.common.clock import seconds_ns
@@ -24,26 +25,16 @@ BARE_S = 3.0  # of the measurement of the slave's CPU floor
 FLEW = (0, 6)  # exit codes of a master that flew: the goal was reached, or not within the time
 
 
-class Row(NamedTuple):
-    """One figure of the table: its name in records, what people call it, its unit, and how it is written."""
-
-    name: str
-    title: str
-    unit: str
-    form: str
-    better: Better = "lower"
-
-
 ROWS = (
     Row("master_cpu", "master CPU", "% of a core", "{:.2f}"),
-    Row("startup", "start-up to the first sample", "s", "{:.3f}"),
+    Row("startup", "start-up to the first sample", "s", "{:.3f}", is_clocked=True),
     Row("ready", "start-up to ready", "s", "{:.3f}"),
     Row("memory", "slave memory", "MiB", "{:.1f}"),
     Row("memory_alone", "slave memory, alone on its machine", "MiB", "{:.1f}"),
     Row("memory_share", "slave memory, share of the board's", "%", "{:.2f}"),
-    Row("delay_p50", "command delay p50", "ms", "{:.3f}"),
-    Row("delay_p99", "command delay p99", "ms", "{:.3f}"),
-    Row("delay_max", "command delay max", "ms", "{:.3f}"),
+    Row("delay_p50", "command delay p50", "ms", "{:.3f}", is_clocked=True),
+    Row("delay_p99", "command delay p99", "ms", "{:.3f}", is_clocked=True),
+    Row("delay_max", "command delay max", "ms", "{:.3f}", is_clocked=True),
     Row("slave_cpu", "slave CPU", "% of a core", "{:.2f}"),
     Row("slave_cpu_floor", "waking and publishing alone", "% of a core", "{:.2f}", better=""),
 )

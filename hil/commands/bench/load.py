@@ -5,22 +5,14 @@ from typing import Any
 from hil.bench import load_run
 from hil.bench.harness import Bench
 from hil.bench.load_run import Course, Setting, difference, impossible, settings
-from hil.bench.record import Figure, Record
+from hil.bench.record import Figure
+from hil.bench.report import Column, Row
 from hil.bench.statistics import median, spread
-from hil.commands.bench.options import (
-    add_results,
-    add_seconds,
-    add_under,
-    benchmark,
-    check_plot,
-    save_record,
-    show,
-)
+from hil.commands.bench.options import add_seconds, bench_parser, benchmark, parse, save_columns, show
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned, fit_to_terminal
 from hil.common.errors import ConfigError, HilError, NetworkError
-from hil.common.options import List, Number, add_scenario, changes_of, integer, new_parser
-from hil.plots.plotting import pyplot, save_figure
+from hil.common.options import List, Number, changes_of, integer
 
 EXAMPLES = """\
 It measures slaves that get 20 commands a second, one setting after the other. CPU is in shares of one core, memory is
@@ -40,13 +32,13 @@ MAX_PROCESSES = 12  # shown of each setting; the record has all
 MAX_THREADS = 5  # shown of each process; the record has all
 MIN_SHARE = 0.0005  # of a core: threads that take less are not shown
 FAILED = 1
+ROWS = (Row("cpu", "CPU", "% of a core", "{:.2f}"), Row("memory", "memory", "MiB", "{:.2f}"))
 
 
 @benchmark
 def main(arguments: list[str]) -> int:
     """Measure and print; return 0, or 1 when a setting could not be measured. Raises HilError."""
-    options = _parser().parse_args(arguments)
-    check_plot(options)
+    options = parse(_parser(), arguments)
     plan, left_out = _plan(options)
     courses: list[Course] = []
     failures = PartialFailures()
@@ -67,23 +59,18 @@ def main(arguments: list[str]) -> int:
         print(f"left out: {name}: {reason}")
     for each in failed:
         print(f"FAILED: {each.setting.name}: {each.failure}")
-    record = _record(measured, failed, left_out, options, failures)
-    if options.plot:
-        _draw(measured, record, options.plot)
+    _save(measured, failed, left_out, options, failures)
     failures.raise_first()
     return FAILED if failed else 0
 
 
 def _parser() -> Any:
-    parser = new_parser("bench load", __doc__, EXAMPLES)
-    add_scenario(parser)
+    parser = bench_parser("load", __doc__, EXAMPLES)
     add = parser.add_argument
     add("--each-sensor", action="store_true", help="also with each sensor added, and with each one removed")
     add("--rates", default=(), metavar="LIST", type=RATES, help="also with these rates of the loop, Hz")
     add("--vehicles", default=(), metavar="LIST", type=VEHICLES, help="also with these numbers of slaves at once")
     add_seconds(parser, 10.0, "run", least=2.0)
-    add_under(parser)
-    add_results(parser, "CPU and memory over time")
     return parser
 
 
@@ -155,19 +142,19 @@ def _processes(courses: list[Course]) -> list[str]:
     return aligned(rows, rule=True)
 
 
-def _record(
+def _save(
     measured: list[Course], failed: list[Course], left_out: dict[str, str], options: Any, failures: PartialFailures
-) -> Record:
-    figures: dict[str, Figure] = {}
+) -> None:
+    columns = []
     for course in measured:
         series = {"": (course.cpu, course.memory)}
         if len(course.processes) > 1:
             series |= {f"{name} ": (cost.cpu, cost.memory) for name, cost in course.processes.items()}
+        figures: dict[str, Figure] = {}
         for name, (cpu, memory) in series.items():
-            figures[f"{course.setting.name} {name}cpu"] = Figure(
-                [100.0 * x for x in cpu], "% of a core", runs=(len(cpu),)
-            )
-            figures[f"{course.setting.name} {name}memory"] = Figure(memory, "MiB", runs=(len(memory),))
+            figures[f"{name}cpu"] = Figure([100.0 * x for x in cpu], "% of a core")
+            figures[f"{name}memory"] = Figure(memory, "MiB")
+        columns.append(Column(course.setting.name, figures))
     details: dict[str, Any] = {
         course.setting.name: {
             name: {"cpu": cost.cpu, "memory_mib": cost.memory, "threads": cost.threads}
@@ -177,26 +164,4 @@ def _record(
     }
     details |= {course.setting.name: {"failure": course.failure} for course in failed}
     labels = *measured[0].labels, *failures.labels
-    return save_record("load", options, figures, labels, details | {"left out": left_out})
-
-
-def _draw(courses: list[Course], record: Record, path: str) -> None:
-    """Draw a row of panels for each kind of process: CPU at the left, memory at the right, a line for each setting."""
-    plt = pyplot()
-    groups = load_run.groups(courses)
-    size = 11, 3.0 * len(groups) + 1.6
-    figure, panels = plt.subplots(len(groups), 2, figsize=size, layout="constrained", sharex=True, squeeze=False)
-    for (left, right), group in zip(panels, groups, strict=True):
-        for number, course in enumerate(courses):
-            cost = load_run.of_group(course, group)
-            time = range(1, len(cost.cpu) + 1)
-            style = {"color": f"C{number % 10}", "linestyle": ("-", "--", ":")[number // 10 % 3]}
-            left.plot(time, [100.0 * value for value in cost.cpu], label=course.setting.name, **style)
-            right.plot(time, cost.memory, **style)
-        left.set(ylabel="CPU (% of a core)", ylim=(0, None), title=group)
-        right.set(ylabel="memory (MiB)", ylim=(0, None), title=group)
-    for panel in panels[-1]:
-        panel.set(xlabel="time (s)")
-    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside upper center", fontsize="x-small", ncols=5)
-    figure.supxlabel(record.footer, fontsize="x-small", color="0.4")
-    save_figure(figure, path)
+    save_columns("load", options, columns, ROWS, labels, details | {"left out": left_out})

@@ -1,27 +1,53 @@
-"""The options that benchmarks share."""
+"""What benchmarks share: options, progress, and the record of the figures."""
 
 import argparse
 import shlex
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from typing import Any
 
 from hil.bench.record import Figure, Record, new_record, save
-from hil.common.options import DAY_S, REPEAT, Number, add_output, add_plot
+from hil.bench.report import Column, Row, draw
+from hil.common.options import (
+    DAY_S,
+    REPEAT,
+    Number,
+    add_output,
+    add_plot,
+    add_scenario,
+    endpoint_or_lan,
+    new_parser,
+)
 from hil.common.schema import shortened
 from hil.plots.plotting import check_picture
 
-NO_SETTINGS = ("output", "plot", "csv", "markdown", "against", "check")  # options that change no figure
+NO_SETTINGS = ("output", "plot", "markdown", "against", "check")  # options that change no figure
 PRINT_EVERY_S = 60.0  # where the output is not a terminal, such as in a log
 
 
-def add_under(parser: argparse.ArgumentParser) -> None:
-    """Add --under, the command that runs the slave, so that a laptop has the resources of a small board."""
+def bench_parser(name: str, description: str | None, examples: str) -> argparse.ArgumentParser:
+    """Return the parser of `uuv-hil bench NAME`, with the scenario, --under, and the files of the results.
+
+    --under is the command that runs the slave, so that a laptop has the resources of a small board.
+    """
+    parser = new_parser(f"bench {name}", description, examples)
+    add_scenario(parser)
     about = 'command that runs the slave, such as "taskset -c 0"; results are labelled'
     parser.add_argument("--under", metavar="COMMAND", type=_command, default=[], help=about)
+    add_output(parser, "FILE.json", "write the record")
+    add_plot(parser, "draw the figures")
+    return parser
+
+
+def parse(parser: argparse.ArgumentParser, arguments: list[str]) -> Any:
+    """Return the options, after a test that the picture of --plot can be drawn. Raises ConfigError."""
+    options = parser.parse_args(arguments)
+    if options.plot:
+        check_picture(options.plot)
+    return options
 
 
 def _command(text: str) -> list[str]:
@@ -35,11 +61,10 @@ def _command(text: str) -> list[str]:
     return words
 
 
-def add_results(parser: argparse.ArgumentParser, picture: str = "") -> None:
-    """Add --output for the record, and --plot if there is a `picture`; `check_plot` and `save_record` read them."""
-    add_output(parser, "FILE.json", "write the record")
-    if picture:
-        add_plot(parser, picture)
+def add_connect(parser: argparse.ArgumentParser, **how: Any) -> None:
+    """Add --connect, a slave that runs already."""
+    slave = "endpoint of a running slave, or lan [one is started here]"
+    parser.add_argument("--connect", metavar="ENDPOINT", type=endpoint_or_lan, help=slave, **how)
 
 
 def add_seconds(parser: argparse.ArgumentParser, default: float, of: str, least: float = 1.0) -> None:
@@ -53,12 +78,6 @@ def add_repeat(parser: argparse.ArgumentParser, default: int, what: str) -> None
     parser.add_argument("--repeat", type=REPEAT, default=default, metavar="N", help=f"{what} [%(default)s]")
 
 
-def check_plot(options: Any) -> None:
-    """Check that the picture of `--plot` can be drawn. Raises ConfigError, MissingExtraError."""
-    if options.plot:
-        check_picture(options.plot)
-
-
 def save_record(
     kind: str, options: Any, figures: dict[str, Figure], labels: Iterable[str], details: dict[str, Any] | None = None
 ) -> Record:
@@ -69,6 +88,22 @@ def save_record(
         print(f"label: {label}")
     if options.output:
         save(record, options.output)
+    return record
+
+
+def save_columns(
+    kind: str,
+    options: Any,
+    columns: Sequence[Column],
+    rows: Sequence[Row],
+    labels: Iterable[str],
+    details: dict[str, Any] | None = None,
+) -> Record:
+    """Return the record of columns, as "row [column]"; write and draw it if requested. Raises ConfigError."""
+    figures = {f"{name} [{column.title}]": each for column in columns for name, each in column.figures.items()}
+    record = save_record(kind, options, figures, labels, details)
+    if options.plot:
+        draw(columns, rows, options.plot, record.footer)
     return record
 
 

@@ -7,16 +7,9 @@ from hil.bench.harness import Bench
 from hil.bench.record import Figure, Record
 from hil.bench.soak_run import Observation, Soak, Soaking, measured, trend
 from hil.bench.statistics import median
-from hil.commands.bench.options import (
-    add_results,
-    add_under,
-    benchmark,
-    check_plot,
-    save_record,
-    show,
-)
+from hil.commands.bench.options import bench_parser, benchmark, parse, save_record, show
 from hil.common.errors import STOPPED, ConfigError
-from hil.common.options import Number, add_scenario, changes_of, new_parser
+from hil.common.options import Number, changes_of
 from hil.common.stop import StopSignals
 from hil.plots.plotting import pyplot, save_figure
 
@@ -52,8 +45,7 @@ SERIES = (
 @benchmark
 def main(arguments: list[str]) -> int:
     """Run and judge; return 0, or 1 when something grows, drifts, hangs or does not reconnect. Raises HilError."""
-    options = _parser().parse_args(arguments)
-    check_plot(options)
+    options = parse(_parser(), arguments)
     if options.every >= options.leave_every:
         raise ConfigError("command line: --every must be below --leave-every")
     if options.every >= options.hours * 3600.0:
@@ -73,8 +65,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _parser() -> Any:
-    parser = new_parser("bench soak", __doc__, EXAMPLES)
-    add_scenario(parser)
+    parser = bench_parser("soak", __doc__, EXAMPLES)
     add = parser.add_argument
     add("--hours", type=HOURS, default=1.0, metavar="H", help="[%(default)s]")
     add("--every", type=EVERY, default=10.0, metavar="S", help="time between readings [%(default)s]")
@@ -86,8 +77,6 @@ def _parser() -> Any:
         help="time between disconnections of the master [%(default)s]",
     )
     add("--leak", type=LEAK, default=0.5, metavar="MIB", help="growth an hour that counts as a leak [%(default)s]")
-    add_under(parser)
-    add_results(parser, "memory, delay and time over the run")
     return parser
 
 
@@ -134,18 +123,18 @@ def _judge_observations(observations: list[Observation], leak: float) -> list[st
 def _judge_memory(observations: list[Observation], leak: float) -> list[str]:
     """Judge the slave's private memory: its share of the rest changes with other processes."""
     first, last = observations[0], observations[-1]
-    slope, interval = trend(
+    slope, low, high = trend(
         [observation.at_s for observation in observations], [observation.private for observation in observations]
     )
     if isnan(slope):
         print("memory: too few readings for a line")
         return []
     print(f"private memory: {first.private:.2f} -> {last.private:.2f} MiB; {slope:+.3f} MiB an hour "
-          f"({interval.low:+.3f} to {interval.high:+.3f}); in all {last.memory:.2f} MiB")  # fmt: skip
+          f"({low:+.3f} to {high:+.3f}); in all {last.memory:.2f} MiB")  # fmt: skip
     if last.at_s < LEAK_AFTER_S:
         print(f"no verdict on memory: that takes {LEAK_AFTER_S / 60.0:.0f} minutes")
         return []
-    grows = slope > leak and interval.low > 0.0
+    grows = slope > leak and low > 0.0
     return [f"memory grows by {slope:.2f} MiB an hour"] if grows else []
 
 
@@ -166,7 +155,7 @@ def _record(soak: Soak, findings: list[str], options: Any, labels: tuple[str, ..
     figures: dict[str, Figure] = {}
     for field, name, unit, _ in SERIES:
         values = [float(getattr(observation, field)) for observation in soak.observations]
-        figures[name] = Figure(values, unit, "lower" if unit in ("MiB", "ms") else "", (len(values),))
+        figures[name] = Figure(values, unit, "lower" if unit in ("MiB", "ms") else "")
     figures["return"] = Figure([seconds for seconds in soak.returns if seconds is not None], "s")
     details = {"found": findings, "silences": [silence._asdict() for silence in soak.silences]}
     return save_record("soak", options, figures, labels, details)

@@ -8,17 +8,18 @@ from boards.health import recognise
 from boards.tree import Tree
 from hil.bench.harness import Bench, await_vehicle, labels_of
 from hil.bench.record import Figure, Record, load, write_text
+from hil.bench.report import Column, draw, markdown, remarks, text
 from hil.bench.table import boards as board_table
-from hil.bench.table.boards import HERE, Column
+from hil.bench.table.boards import HERE
 from hil.bench.table.hil_table import PAPER_NOTE
-from hil.bench.table.run import Run, figures, fly
+from hil.bench.table.run import ROWS, Run, figures, fly
 from hil.commands.bench.options import (
+    add_connect,
     add_repeat,
-    add_results,
     add_seconds,
-    add_under,
+    bench_parser,
     benchmark,
-    check_plot,
+    parse,
     save_record,
     show,
 )
@@ -26,14 +27,7 @@ from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.clock import boot_id
 from hil.common.columns import fit_to_terminal, paragraph
 from hil.common.errors import ConfigError
-from hil.common.options import (
-    add_board,
-    add_file,
-    add_scenario,
-    changes_of,
-    endpoint_or_lan,
-    new_parser,
-)
+from hil.common.options import add_board, add_file, changes_of
 from hil.common.schema import preset_names
 from hil.ros.diagnostics import Diagnostics, to_text
 
@@ -61,8 +55,7 @@ def main(arguments: list[str]) -> int:
 
     When a run fails or is stopped, the results of the runs before it are reported before the error is raised.
     """
-    options = _parser().parse_args(arguments)
-    check_plot(options)
+    options = parse(_parser(), arguments)
     earlier = [column for path in options.against for column in _earlier(path)]
     if options.connect and options.under:
         raise ConfigError("command line: --under runs a slave started here, not one of --connect")
@@ -76,13 +69,13 @@ def main(arguments: list[str]) -> int:
     record = _measure(options, failures)
     own_columns = board_table.columns_of(record)
     columns = [*board_table.paper(), *earlier, *(_named(column) for column in own_columns)]
-    print(board_table.text(columns))
+    print(text(columns, ROWS))
     print(paragraph(PAPER_NOTE))
     for line in filter(None, (_ratios(_named(column), record) for column in own_columns)):
         print(fit_to_terminal(line))
     runs = f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s"
     print(fit_to_terminal(f"{runs}; (range of the middle half)"))
-    for line in (*board_table.remarks(earlier), *_description(record)):
+    for line in (*remarks(earlier), *_description(record)):
         print(fit_to_terminal(line))
     _write(columns, options)
     broken = _check(own_columns, record, board) if options.check else 0
@@ -91,25 +84,14 @@ def main(arguments: list[str]) -> int:
 
 
 def _parser() -> Any:
-    parser = new_parser("bench table", __doc__, EXAMPLES)
-    add_scenario(parser)
+    parser = bench_parser("table", __doc__, EXAMPLES)
     add = parser.add_argument
-    add(
-        "--connect",
-        action="append",
-        default=[],
-        metavar="ENDPOINT",
-        type=endpoint_or_lan,
-        help="endpoint of a running slave, or lan; repeatable",
-    )
+    add_connect(parser, action="append", default=[])
     add_repeat(parser, 5, "repetitions")
     add_seconds(parser, 10.0, "flight")
     add("--against", action="append", default=[], metavar="FILE", help="show an earlier record beside it")
     add("--check", action="store_true", help="check against the budgets of the board")
     add_board(parser)
-    add_under(parser)
-    add_results(parser, "the table as a picture")
-    add_file(parser, "--csv", metavar="FILE", help="the table as CSV")
     add_file(parser, "--markdown", metavar="FILE", help="the table as Markdown")
     return parser
 
@@ -160,7 +142,7 @@ def _earlier(path: str) -> list[Column]:
     if record.kind != "table":
         raise ConfigError(f"{path}: is a result of `uuv-hil bench {record.kind}`, not of `bench table`")
     name = os.path.basename(path).removesuffix(".json")
-    return [*board_table.columns_of(record, name)]
+    return board_table.columns_of(record, name)
 
 
 def _ratios(column: Column, record: Record) -> str:
@@ -173,12 +155,10 @@ def _named(column: Column) -> Column:
 
 
 def _write(columns: list[Column], options: Any) -> None:
-    if options.csv:
-        write_text(options.csv, board_table.comma_separated(columns))
     if options.markdown:
-        write_text(options.markdown, board_table.markdown(columns) + "\n")
+        write_text(options.markdown, markdown(columns, ROWS) + "\n")
     if options.plot:
-        board_table.draw(columns, options.plot)
+        draw(columns, [row for row in ROWS if row.name in board_table.DRAWN], options.plot)
 
 
 def _description(record: Record) -> list[str]:
@@ -204,9 +184,9 @@ def _check(columns: list[Column], record: Record, board: Board | None) -> int:
     broken = []
     for column in columns:
         own_board = board or _board_of(column.title, Diagnostics(record.details[column.title or HERE]["slave"]))
-        broken += [f"{own_board.name}: {text}" for text in board_table.missed(column, own_board.budgets)]
-    for text in broken:
-        print(fit_to_terminal(f"BUDGET MISSED: {text}"))
+        broken += [f"{own_board.name}: {budget}" for budget in board_table.missed(column, own_board.budgets)]
+    for budget in broken:
+        print(fit_to_terminal(f"BUDGET MISSED: {budget}"))
     if not broken:
         print("every budget is met")
     return BUDGET_MISSED if broken else 0

@@ -1,4 +1,4 @@
-"""The latency floor: plain messages to an echo server and back. The load: bytes that are sent at the same time."""
+"""The latency floor: plain messages to an echo server and back."""
 
 import socket
 import struct
@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.floors.network import GIVE_UP, Floor, Load, RoundTrips, wait_ns
+from hil.bench.floors.network import GIVE_UP, Floor, RoundTrips, wait_ns
 from hil.bench.harness import Process, program
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import NetworkError
 
 
 def deadline_in(seconds: float = 60.0) -> int:
@@ -27,15 +26,13 @@ def running_echo(folder: Path) -> Iterator[tuple[Process, str, int, int]]:
         yield echo, host, int(udp), int(tcp)
 
 
-def test_round_trips_to_an_echo_in_another_process_are_measured_under_load(tmp_path: Path) -> None:
+def test_round_trips_to_an_echo_in_another_process_are_measured(tmp_path: Path) -> None:
     with running_echo(tmp_path) as (echo, host, udp, tcp):
-        with Floor(host, udp, tcp, 85) as floor, Load(host, tcp, 200_000) as load:
+        with Floor(host, udp, tcp, 85) as floor:
             for _ in range(10):
                 floor.measure(deadline_in())
-                load.begin()
-                assert load.finish(deadline_in())  # more than a socket's buffer takes at once
             assert (len(floor.udp.taken_ns), len(floor.tcp.taken_ns)) == (5, 5)
-            assert (floor.udp.lost, floor.tcp.lost, load.late) == (0, 0, 0)
+            assert (floor.udp.lost, floor.tcp.lost) == (0, 0)
             assert 1_000 < min(floor.udp.taken_ns + floor.tcp.taken_ns) < 500_000_000
         assert echo.stop() == 0
 
@@ -89,21 +86,6 @@ def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
         answering.join()
         assert round_trips.lost == 1
         assert round_trips.taken_ns[0] * 2 > 0.05 * NS_PER_S
-
-
-def test_the_load_is_being_sent_before_the_measurement_waits() -> None:
-    server = socket.create_server(("127.0.0.1", 0))
-    with server, Load("127.0.0.1", server.getsockname()[1], 50_000) as load:
-        accepted, _ = server.accept()
-        load.begin()  # nobody has answered, and nothing was waited for
-        accepted.settimeout(60.0)
-        assert accepted.recv(1) == bytes(1)
-        load.begin()
-        assert load.late == 1
-        assert not load.finish(deadline_in(0.02))
-        accepted.close()
-        with pytest.raises(NetworkError, match=r"the echo at .* went away"):
-            load.finish(deadline_in())
 
 
 def test_waiting_does_not_end_before_the_deadline() -> None:

@@ -21,14 +21,14 @@ def test_stream_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixt
     changes = ["--set", "sensors.imu.rate=50", "--set", "sensors.ground_truth.drop_out=1.0"]
     assert main(["bench", "stream", "--seconds", "2", "--repeat", "2", *changes, "--output", file]) == 0
     figures = load(file).figures
-    assert len(figures["imu rate"].values) == 2
-    rate_hz = figures["imu rate"].median
-    assert 0.0 < rate_hz == pytest.approx(50.0 * (1.0 - figures["imu missing"].median / 100.0), rel=0.1)
-    assert figures["imu loss"].median == 0.0
-    assert figures["imu bandwidth"].median == pytest.approx(rate_hz * 357, rel=0.05)  # 324 B of CDR, 33 attached
-    assert 0.0 < figures["imu age p50"].median <= figures["imu age p99"].median
-    assert figures["ground_truth rate"].median == 0.0
-    assert figures["ground_truth missing"].median == 100.0
+    assert len(figures["rate [imu]"].values) == 2
+    rate_hz = figures["rate [imu]"].median
+    assert 0.0 < rate_hz == pytest.approx(50.0 * (1.0 - figures["missing [imu]"].median / 100.0), rel=0.1)
+    assert figures["loss [imu]"].median == 0.0
+    assert figures["bandwidth [imu]"].median == pytest.approx(rate_hz * 357, rel=0.05)  # 324 B of CDR, 33 attached
+    assert 0.0 < figures["age p50 [imu]"].median <= figures["age p99 [imu]"].median
+    assert figures["rate [ground_truth]"].median == 0.0
+    assert figures["missing [ground_truth]"].median == 100.0
     assert "nothing was received on ground_truth" in capsys.readouterr().out
 
 
@@ -37,10 +37,10 @@ def test_load_measures_real_slaves(tmp_path: Path, capsys: pytest.CaptureFixture
     words = ["--seconds", "2", "--vehicles", "2", "--set", "stm32=process", "--output", str(file), "--plot", str(png)]
     assert main(["bench", "load", *words]) == 0
     figures = load(str(file)).figures
-    one, two = figures["as it is cpu"].median, figures["2 vehicles cpu"].median
+    one, two = figures["cpu [as it is]"].median, figures["cpu [2 vehicles]"].median
     assert 0.5 < one < 100.0
     assert 0.8 * one < two
-    assert figures["2 vehicles memory"].median > 1.3 * figures["as it is memory"].median
+    assert figures["memory [2 vehicles]"].median > 1.3 * figures["memory [as it is]"].median
     assert png.read_bytes().startswith(b"\x89PNG")
     details = json.loads(file.read_text())["details"]
     assert [*details["as it is"]] == ["slave", "STM32"]
@@ -60,7 +60,7 @@ def test_a_failed_setting_of_load_is_left_out(
     def run(setting: Setting, *_: object) -> Course:
         if setting.name == "with laser":
             raise NetworkError("it fell over")
-        return Course(setting, [0.05, 0.06], [20.0, 20.0], {"slave": Cost([0.05, 0.06], [20.0, 20.0], {})})
+        return Course(setting, {"slave": Cost([0.05, 0.06], [20.0, 20.0], {})})
 
     monkeypatch.setattr(load_run, "run", run)
     file = tmp_path / "load.json"
@@ -70,7 +70,7 @@ def test_a_failed_setting_of_load_is_left_out(
     assert "left out: with gps: " in output
     assert "FAILED: with laser: it fell over" in output
     assert re.search("^with laser +failed$", output, re.M)
-    assert "with profiler cpu" in load(str(file)).figures
+    assert "cpu [with profiler]" in load(str(file)).figures
     assert load(str(file)).details["with laser"] == {"failure": "it fell over"}
 
 

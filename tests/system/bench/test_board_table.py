@@ -10,8 +10,8 @@ import pytest
 
 from boards import load_board
 from hil.bench.record import Figure, load, new_record, save
+from hil.bench.report import Column
 from hil.bench.table import boards as board_table
-from hil.bench.table.boards import Column
 from hil.bench.table.run import ROWS, Run
 from hil.cli import main
 from hil.commands.bench import table as bench_table

@@ -85,7 +85,7 @@ def test_a_slave_on_another_machine_reports_its_line() -> None:
 
 
 def doubts(result: Result, plan: Plan = Plan(), losses: int = 0, paced: bool = False) -> list[str]:
-    return list(delay_run._doubts(result, plan, None, None, losses, paced))
+    return list(delay_run._doubts(result, plan, None, losses, paced))
 
 
 def test_conditions_that_differ_from_the_request_give_warnings() -> None:
@@ -94,12 +94,12 @@ def test_conditions_that_differ_from_the_request_give_warnings() -> None:
     assert "at 150.0 Hz instead of 200" in doubts(some_result([0.7] * 20, rate=150.0), Plan(rate=200.0))[0]
     assert "lost 2 times" in doubts(some_result([0.7] * 20), losses=2)[0]
     assert doubts(some_result([0.7], rate=float("nan"))) == []
-    assert doubts(some_result([0.7] * 20, motion=[]), Plan(steps=1)) == [], "the first step does not count"
-    assert "3 of 9 steps in surge did not show" in doubts(some_result([0.7] * 20, motion=[4.0] * 6))[0]
+    assert doubts(some_result([0.7] * 20, {"motion": []}), Plan(steps=1)) == [], "the first step does not count"
+    assert "3 of 9 steps in surge did not show" in doubts(some_result([0.7] * 20, {"motion": [4.0] * 6}))[0]
 
 
 def test_a_line_faster_than_its_bits_gives_a_warning_unless_it_is_paced() -> None:
-    on_line = some_result([0.7] * 20, hops={name: [0.7 if name == "STM32" else 0.0] * 20 for name in HOPS})
+    on_line = some_result([0.7] * 20, {f"hop {name}": [0.7 if name == "STM32" else 0.0] * 20 for name in HOPS})
     assert "baud is not what" in doubts(on_line._replace(wire=1.9))[0]
     assert doubts(on_line._replace(wire=1.9), paced=True) == []
     assert doubts(on_line._replace(wire=0.7001)) == [], "no baud is wrong by so little"
@@ -110,8 +110,8 @@ def test_the_wire_time_includes_bits_sent_during_the_write() -> None:
     arrived = meter(0, same_clock=True)
     spans = [(sample.published_ns, sample.published_ns + 1000) for sample in arrived.samples()]
     result = delay_run._result(arrived, spans, [], None, 0.0)
-    assert (result.hops["link encode"][0], result.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
+    assert (result.values["hop link encode"][0], result.values["hop STM32"][0]) == pytest.approx((0.05, 0.01))
     for wire, expected in ((0.005, (0.05, 0.005, 0.005)), (0.04, (0.02, 0.04, 0.0)), (0.2, (0.0, 0.06, 0.0))):
         found = delay_run._result(arrived, spans, [], None, wire)
-        assert [found.hops[hop][0] for hop in ("link encode", "wire", "STM32")] == pytest.approx(expected)
-        assert found.delay == result.delay
+        assert [found.values[f"hop {hop}"][0] for hop in ("link encode", "wire", "STM32")] == pytest.approx(expected)
+        assert found.values["delay"] == result.values["delay"]

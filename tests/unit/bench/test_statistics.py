@@ -1,7 +1,6 @@
 """The statistics of benchmarks, against numbers worked out by hand or by other implementations."""
 
 import math
-import random
 
 import pytest
 
@@ -36,12 +35,3 @@ def test_spread_is_the_interquartile_range() -> None:
 
 def test_statistics_of_no_values_are_nan() -> None:
     assert all(math.isnan(value) for value in (median([]), quantile([], 0.5), spread([])))
-
-
-def autoregressive_series(generator: random.Random, count: int, correlation: float) -> list[float]:
-    """Return a first-order autoregressive series (AR(1)) around 20."""
-    state, series = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - correlation**2), []
-    for _ in range(count):
-        state = correlation * state + generator.gauss(0.0, 1.0)
-        series.append(20.0 + state)
-    return series
