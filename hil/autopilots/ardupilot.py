@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from hil.autopilots.contract import ABSENT_NS, STALL_NS, Autopilot, AutopilotCounters, EstimateError, Outputs, Report
 from hil.autopilots.inputs import SensorInputs
-from hil.autopilots.json_packets import JsonState, decode_servos, encode_state
+from hil.autopilots.json_packets import decode_servos, encode_state
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns
 from hil.common.errors import ConfigError, DeviceError
 from hil.links.address import parse_address
@@ -35,19 +35,17 @@ Sender = tuple[str, int]
 class ArduPilot(Autopilot):
     """Connection to one ArduPilot, which sends to `address` (udp://host:port), where this object listens.
 
-    `inputs`: sensors of its vehicle. `rc`: constant pulse widths (us) of an RC receiver. `companion` sends positions to
-    it, if given. Raises ConfigError, DeviceError.
+    `inputs`: sensors of its vehicle. `companion` sends positions to it, if given. Raises ConfigError, DeviceError.
     """
 
     def __init__(
-        self, address: str, inputs: SensorInputs, lockstep: bool, rc: Sequence[int], report: Report,
-        companion: "Companion | None" = None,
-    ) -> None:  # fmt: skip
+        self, address: str, inputs: SensorInputs, lockstep: bool, report: Report, companion: "Companion | None" = None
+    ) -> None:
         self.name = f"ArduPilot on {address}"
         self.lockstep = lockstep
         self.figures = AutopilotCounters()
         self.frame_rate = 0
-        self._inputs, self._rc, self._report, self._companion = inputs, tuple(rc), report, companion
+        self._inputs, self._report, self._companion = inputs, report, companion
         self._socket = _listen(address)
         self._peer: Sender | None = None
         self._count = -1  # frame number of the last packet
@@ -76,7 +74,7 @@ class ArduPilot(Autopilot):
         """Send the state if a packet is waiting for it, else store it for the next packet. Raises DeviceError."""
         if self._restarting:
             self._restarting, self._epoch_ns = False, time_ns
-        self._state = encode_state(self._state_of(time_ns, truth))
+        self._state = self._encode_state(time_ns, truth)
         if self._waiting:
             self._send_state()
         if self._companion and self._peer:
@@ -180,7 +178,7 @@ class ArduPilot(Autopilot):
         except OSError as error:
             raise DeviceError(f"{self.name}: cannot send the state: {error.strerror or error}; start again") from None
 
-    def _state_of(self, time_ns: int, truth: OdometrySample) -> JsonState:
+    def _encode_state(self, time_ns: int, truth: OdometrySample) -> bytes:
         """Return the state for ArduPilot, which simulates its own GPS, compass and pressure sensor from it.
 
         Horizontal position, velocity and attitude are therefore true values. Depth is that of the pressure sensor if
@@ -191,7 +189,7 @@ class ArduPilot(Autopilot):
         north, east, down = truth.position
         ranges = () if inputs.range_m is None else (inputs.range_m,)
         battery = () if inputs.battery is None else (inputs.battery.voltage, inputs.battery.current)
-        return JsonState(
+        return encode_state(
             (time_ns - self._epoch_ns) / NS_PER_S,
             inputs.gyro,
             inputs.acceleration,
@@ -199,7 +197,6 @@ class ArduPilot(Autopilot):
             rotate(truth.orientation, truth.nu[:3]),
             truth.orientation,
             ranges,
-            self._rc,
             battery,
         )
 

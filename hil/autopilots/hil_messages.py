@@ -6,7 +6,7 @@ Positions and velocities are NED, body vectors FRD. Source: MAVLink common.xml, 
 
 from collections.abc import Sequence
 from math import atan2, degrees, hypot, isfinite, nan, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -17,7 +17,6 @@ SPAN_US = MOST_US - PWM_NEUTRAL_US  # pulse width from neutral to a control of 1
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER, BAROMETER = 0x007, 0x038, 0x1C0, 0x1A00
 ARMED, LOCKSTEP = 0x80, 0x01
 UNKNOWN_16 = 0xFFFF
-RC_CHANNELS, FULL_STRENGTH = 18, 254
 STANDARD_HPA = 1013.25
 BOX_TEMPERATURE = 20.0  # degC; of sensors in the vehicle's hull
 LOCAL_NED, BODY_FRD, LOCAL_FRD = 1, 12, 20  # MAV_FRAME
@@ -25,18 +24,11 @@ DEPTH_VARIANCE = 0.01  # m², of a depth by pressure
 VISION = 2  # MAV_ESTIMATOR_TYPE: PX4 fuses it as external navigation
 
 
-class Inertial(NamedTuple):
-    """Values of one HIL_SENSOR message: m/s², rad/s, T, Pa; None without a new sample."""
-
-    acceleration: Sequence[float] | None
-    gyro: Sequence[float] | None
-    magnetic_field: Sequence[float] | None
-    pascal: float | None
-
-
-def encode_sensor(time_us: int, inertial: Inertial) -> Any:
-    """Return a HIL_SENSOR message; values that are None are not marked as updated."""
-    acceleration, gyro, field, pascal = inertial
+def encode_sensor(
+    time_us: int, acceleration: Sequence[float] | None, gyro: Sequence[float] | None, field: Sequence[float] | None,
+    pascal: float | None,
+) -> Any:  # fmt: skip
+    """Return a HIL_SENSOR message (m/s², rad/s, T, Pa); values that are None are not marked as updated."""
     updated = 0
     for group, value in ((ACCELEROMETER, acceleration), (GYROSCOPE, gyro), (MAGNETOMETER, field), (BAROMETER, pascal)):
         updated |= group if value is not None else 0
@@ -78,17 +70,7 @@ def encode_odometry(time_us: int, sample: OdometrySample, variances: Sequence[fl
     pose = _diagonal(level, level, depth, angle, angle, angle)
     twist = _diagonal(velocity, velocity, velocity, rate, rate, rate)
     return dialect.MAVLink_odometry_message(
-        time_us,
-        frame,
-        BODY_FRD,
-        *sample.position,
-        list(sample.orientation),
-        *sample.nu,
-        pose,
-        twist,
-        0,
-        VISION,
-        100,
+        time_us, frame, BODY_FRD, *sample.position, list(sample.orientation), *sample.nu, pose, twist, 0, VISION, 100
     )
 
 
@@ -116,12 +98,6 @@ def encode_truth(time_us: int, truth: OdometrySample, velocity: Sequence[float],
         time_us, list(truth.orientation), *truth.nu[3:], round(1e7 * latitude), round(1e7 * longitude),
         round(1000.0 * altitude), north, east, down, 0, 0, *milli_g,
     )  # fmt: skip
-
-
-def encode_rc_channels(time_us: int, pulses_us: Sequence[int]) -> Any:
-    """Return the RC_CHANNELS message of an RC receiver with these pulse widths (us), which PX4's simulator reads."""
-    channels = [*pulses_us, *[UNKNOWN_16] * (RC_CHANNELS - len(pulses_us))]
-    return dialect.MAVLink_rc_channels_message(time_us // 1000 & 0xFFFF_FFFF, len(pulses_us), *channels, FULL_STRENGTH)
 
 
 def controls_to_pwm(controls: Sequence[float]) -> tuple[int, ...]:

@@ -15,7 +15,7 @@ _LAYOUTS = {
     struct.calcsize(f"<HHI{count}H"): (magic, struct.Struct(f"<HHI{count}H"))
     for magic, count in ((MAGIC_16, 16), (MAGIC_32, 32))
 }
-MAX_RANGES, MAX_RC = 6, 12
+MAX_RANGES = 6
 
 
 class ServoPacket(NamedTuple):
@@ -24,25 +24,6 @@ class ServoPacket(NamedTuple):
     frame_rate: int
     frame_count: int
     pwm_us: tuple[int, ...]
-
-
-class JsonState(NamedTuple):
-    """State for ArduPilot.
-
-    `time`: s. `gyro`: rad/s, and `acceleration`: m/s² (specific force), both FRD. `position` and `velocity`: NED, m and
-    m/s. `quaternion`: w x y z, body to NED. Left out if empty: `ranges` (m; nan: no echo, which ArduPilot takes for no
-    data, while it keeps the value of a name that is left out), `rc` (us), `battery` (V, A).
-    """
-
-    time: float
-    gyro: Sequence[float]
-    acceleration: Sequence[float]
-    position: Sequence[float]
-    velocity: Sequence[float]
-    quaternion: Sequence[float]
-    ranges: Sequence[float] = ()
-    rc: Sequence[int] = ()
-    battery: Sequence[float] = ()
 
 
 def decode_servos(packet: bytes) -> ServoPacket | None:
@@ -55,21 +36,27 @@ def decode_servos(packet: bytes) -> ServoPacket | None:
     return ServoPacket(rate, count, tuple(pwm_us)) if packet_magic == magic else None
 
 
-def encode_state(state: JsonState) -> bytes:
-    """Return the line for ArduPilot, which begins and ends with a line end."""
+def encode_state(
+    time: float, gyro: Sequence[float], acceleration: Sequence[float], position: Sequence[float],
+    velocity: Sequence[float], quaternion: Sequence[float], ranges: Sequence[float] = (),
+    battery: Sequence[float] = (),
+) -> bytes:  # fmt: skip
+    """Return the line for ArduPilot, which begins and ends with a line end.
+
+    `time`: s. `gyro`: rad/s, and `acceleration`: m/s² (specific force), both FRD. `position` and `velocity`: NED, m and
+    m/s. `quaternion`: w x y z, body to NED. Left out if empty: `ranges` (m; nan: no echo, which ArduPilot takes for no
+    data, while it keeps the value of a name that is left out), `battery` (V, A).
+    """
     parts = [
-        f'"timestamp":{state.time:.6f}',
-        f'"imu":{{"gyro":{_vector(state.gyro)},"accel_body":{_vector(state.acceleration)}}}',
-        f'"position":{_vector(state.position)}',
-        f'"velocity":{_vector(state.velocity)}',
-        f'"quaternion":{_vector(state.quaternion)}',
-        *[f'"rng_{number}":{value:.3f}' for number, value in enumerate(state.ranges[:MAX_RANGES], 1)],
+        f'"timestamp":{time:.6f}',
+        f'"imu":{{"gyro":{_vector(gyro)},"accel_body":{_vector(acceleration)}}}',
+        f'"position":{_vector(position)}',
+        f'"velocity":{_vector(velocity)}',
+        f'"quaternion":{_vector(quaternion)}',
+        *[f'"rng_{number}":{value:.3f}' for number, value in enumerate(ranges[:MAX_RANGES], 1)],
     ]
-    if state.rc:
-        channels = [f'"rc_{number}":{pulse}' for number, pulse in enumerate(state.rc[:MAX_RC], 1)]
-        parts.append(f'"rc":{{{",".join(channels)}}}')
-    if state.battery:
-        voltage, current = state.battery
+    if battery:
+        voltage, current = battery
         parts.append(f'"battery":{{"voltage":{voltage:.3f},"current":{current:.3f}}}')
     return f"\n{{{','.join(parts)}}}\n".replace(":nan", ":NaN").encode("ascii")
 

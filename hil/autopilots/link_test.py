@@ -3,10 +3,10 @@
 import time
 from typing import NamedTuple
 
-from hil.autopilots.contract import Report
+from hil.autopilots.contract import AutopilotCounters, Report
 from hil.autopilots.opening import settings_of
 from hil.autopilots.run import AutopilotRun
-from hil.common.clock import NS_PER_MS, NS_PER_S, seconds_ns
+from hil.common.clock import NS_PER_S, Histogram, seconds_ns
 from hil.links.address import parse_address
 from hil.scenario.config import Scenario
 
@@ -16,26 +16,15 @@ WARM_UP_NS = NS_PER_S // 2
 
 
 class LinkResult(NamedTuple):
-    """Result of a link test. Times in ms, rates in Hz; `speed`: simulation time per wall time.
-
-    `line_rate`: greatest rate at the baud rate of a serial line, 0 for other connections.
-    """
+    """Counts of a link test, its round trips (ns), and how long it took in simulated and in wall time (s)."""
 
     states: int
     outputs: int
     lost: int
     malformed: int
-    round_trip_p50_ms: float
-    round_trip_p99_ms: float
-    round_trip_max_ms: float
-    output_rate: float
-    speed: float
-    line_rate: float
-
-    @property
-    def jitter_ms(self) -> float:
-        """Return the difference between the 99th percentile and the median of the round trip, ms."""
-        return self.round_trip_p99_ms - self.round_trip_p50_ms
+    round_trip: Histogram
+    simulated_s: float
+    took_s: float
 
 
 def measure_link(scenario: Scenario, seconds: float, report: Report) -> LinkResult:
@@ -49,25 +38,17 @@ def measure_link(scenario: Scenario, seconds: float, report: Report) -> LinkResu
         figures = run.autopilot.figures
         while figures.outputs < 2 or run.simulation.time_ns < WARM_UP_NS:  # the autopilot boots
             run.step()
-        trips, outputs, states = list(run.round_trip.bins), figures.outputs, figures.states
-        lost, malformed = figures.lost, figures.malformed
+        trips, before = list(run.round_trip.bins), _counts(figures)
         start_ns, began = run.simulation.time_ns, time.monotonic()
         while run.simulation.time_ns < start_ns + seconds_ns(seconds):
             run.step()
-        duration = time.monotonic() - began
-        trip = run.round_trip.since(trips)
-        return LinkResult(
-            figures.states - states,
-            figures.outputs - outputs,
-            figures.lost - lost,
-            figures.malformed - malformed,
-            trip.quantile(0.5) / NS_PER_MS,
-            trip.quantile(0.99) / NS_PER_MS,
-            trip.maximum / NS_PER_MS,
-            (figures.outputs - outputs) / duration,
-            seconds / duration,
-            line_rate(scenario),
-        )
+        took_s = time.monotonic() - began
+        states, outputs, lost, malformed = (a - b for a, b in zip(_counts(figures), before, strict=True))
+        return LinkResult(states, outputs, lost, malformed, run.round_trip.since(trips), seconds, took_s)
+
+
+def _counts(figures: AutopilotCounters) -> tuple[int, int, int, int]:
+    return figures.states, figures.outputs, figures.lost, figures.malformed
 
 
 def line_rate(scenario: Scenario) -> float:

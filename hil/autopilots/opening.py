@@ -57,7 +57,7 @@ def open_autopilot(
             port = COMPANION_PORT + STEP["ardupilot"] * settings.instance
             reader = _reader(scenario, parameters, accessories, report)
             companion = Companion(settings.positions, inputs, world.origin or HOME, port, report, reader)
-        autopilot: Autopilot = ArduPilot(address, inputs, settings.lockstep, settings.rc, report, companion)
+        autopilot: Autopilot = ArduPilot(address, inputs, settings.lockstep, report, companion)
     else:
         from hil.autopilots.px4 import Px4
 

@@ -43,7 +43,6 @@ from sim.sensors.samples import OdometrySample
 SYSTEM, COMPONENT = 1, 200
 CLOCK_START_US = 1_000_000  # to PX4 a time of 0 is no time
 TRUTH_PERIOD_NS = NS_PER_S // 50
-RC_PERIOD_NS = NS_PER_S // 50
 HEARTBEAT_NS = NS_PER_S
 HEARTBEAT_TIMEOUT_NS = 3 * NS_PER_S  # without messages, after which a board is not connected
 UNREADABLE_BYTES = 2000  # received without any packet, after which a wrong baud rate is reported
@@ -70,7 +69,6 @@ class Px4(Autopilot):
         self.lockstep = settings.lockstep and self.is_sitl
         self.figures = AutopilotCounters()
         self._inputs, self._report, self._parameters = inputs, report, parameters
-        self._rc = settings.rc if self.is_sitl else ()  # a board has its own receiver
         self._positions = TOPICS[settings.positions]
         self._camera_address = "127.0.0.1", CAMERA_PORT + settings.instance
         self._dither = DITHER_T
@@ -93,7 +91,7 @@ class Px4(Autopilot):
         self._start = self._inputs.start if self._positions == "dvl" else (0.0, 0.0, 0.0)
         self._reader = EstimateReader(self._inputs.plane, self._start)
         self._truth: OdometrySample | None = None
-        self._due_ns = self._truth_ns = self._rc_ns = self._heartbeat_due_ns = 0  # of simulation time
+        self._due_ns = self._truth_ns = self._heartbeat_due_ns = 0  # of simulation time
         self._is_in_lockstep = self._awaiting = self._stalled = self._has_heartbeat = False
         self._heartbeat_received_ns = 0
         self._actuator_us, self._system = -1, 1
@@ -134,7 +132,7 @@ class Px4(Autopilot):
             return
         self._due_ns = max(self._due_ns + self._period_ns, time_ns)  # missed messages are not sent later
         time_us = CLOCK_START_US + time_ns // NS_PER_US
-        messages = [hil_messages.encode_sensor(time_us, self._inertial(truth)), *self._extra(time_us, time_ns, truth)]
+        messages = [self._encode_sensor(time_us, truth), *self._extra(time_us, time_ns, truth)]
         packets = b"".join([self._stream.pack(message) for message in messages])
         self.sent_ns = now_ns()
         if self._wire.write(packets) < len(packets):
@@ -265,7 +263,7 @@ class Px4(Autopilot):
         self._reader.take(message, truth)
         self._parameters.take(message)
 
-    def _inertial(self, truth: OdometrySample) -> hil_messages.Inertial:
+    def _encode_sensor(self, time_us: int, truth: OdometrySample) -> Any:
         inputs, fresh = self._inputs, self._inputs.fresh
         field = inputs.magnetic_field if "magnetometer" in fresh else None
         if inputs.earth_field is not None:  # the vehicle has no magnetometer, but PX4 needs one
@@ -273,12 +271,9 @@ class Px4(Autopilot):
             x, y, z = rotate_inverse(truth.orientation, inputs.earth_field)
             field = x + self._dither, y + self._dither, z + self._dither
         has_imu = "imu" in fresh
-        return hil_messages.Inertial(
-            inputs.acceleration if has_imu else None,
-            inputs.gyro if has_imu else None,
-            field,
-            inputs.pascal if "pressure" in fresh else None,
-        )
+        pascal = inputs.pascal if "pressure" in fresh else None
+        acceleration, gyro = (inputs.acceleration, inputs.gyro) if has_imu else (None, None)
+        return hil_messages.encode_sensor(time_us, acceleration, gyro, field, pascal)
 
     def _extra(self, time_us: int, time_ns: int, truth: OdometrySample) -> list[Any]:
         """Return the other messages to send with a HIL_SENSOR."""
@@ -291,9 +286,6 @@ class Px4(Autopilot):
             self._truth_ns = time_ns + TRUTH_PERIOD_NS
             place, velocity = inputs.plane.geodetic(truth.position), rotate(truth.orientation, truth.nu[:3])
             messages.append(hil_messages.encode_truth(time_us, truth, velocity, inputs.acceleration, place))
-        if self._rc and time_ns >= self._rc_ns:
-            self._rc_ns = time_ns + RC_PERIOD_NS
-            messages.append(hil_messages.encode_rc_channels(time_us, self._rc))
         if not self._has_heartbeat or time_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             kind, autopilot = dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID

@@ -1,9 +1,10 @@
 """`uuv-hil autopilot`: test motors and link of an autopilot, and print its parameters."""
 
-from hil.autopilots.link_test import measure_link
+from hil.autopilots.link_test import line_rate, measure_link
 from hil.autopilots.motor_test import test_motors
 from hil.autopilots.parameters import format_parameters, scenario_parameters
 from hil.autopilots.px4_files import encode_bson, format_for_qgroundcontrol
+from hil.common.clock import NS_PER_MS
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.options import Number, add_output, add_scenario, changes_of, new_parser
 from hil.scenario.config import AUTOPILOTS, Scenario, load_single
@@ -67,19 +68,21 @@ def _motors(scenario: Scenario, vehicle: Vehicle) -> int:
 def _link(scenario: Scenario, seconds: float) -> int:
     result = measure_link(scenario, seconds, lambda text: print(text, flush=True))
     print(f"states sent {result.states}, outputs {result.outputs}, lost {result.lost}, malformed {result.malformed}")
+    trip = result.round_trip
+    median, most, longest = (ns / NS_PER_MS for ns in (trip.quantile(0.5), trip.quantile(0.99), trip.maximum))
     print(
-        f"round trip: median {result.round_trip_p50_ms:.2f} ms, 99 % {result.round_trip_p99_ms:.2f} ms, "
-        f"at most {result.round_trip_max_ms:.2f} ms; jitter {result.jitter_ms:.2f} ms"
+        f"round trip: median {median:.2f} ms, 99 % {most:.2f} ms, at most {longest:.2f} ms; "
+        f"jitter {most - median:.2f} ms"
     )
-    print(f"outputs {result.output_rate:.0f} Hz, {result.speed:.2f} times real time")
-    if result.line_rate:
-        print(f"the line carries at most {result.line_rate:.0f} HIL_SENSOR a second")
+    print(f"outputs {result.outputs / result.took_s:.0f} Hz, {result.simulated_s / result.took_s:.2f} times real time")
+    if carried := line_rate(scenario):
+        print(f"the line carries at most {carried:.0f} HIL_SENSOR a second")
     if not result.outputs:
         raise DeviceError(
             f"{scenario.path}: no outputs were received: the autopilot does not answer; start it, and let it reach "
             "the address of [autopilot]"
         )
-    if result.round_trip_p50_ms > SLOW_MS:
+    if median > SLOW_MS:
         print(f"WARNING: a round trip above {SLOW_MS:g} ms: the autopilot's estimator works with outdated values")
     return 0
 

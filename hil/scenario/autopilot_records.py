@@ -7,7 +7,6 @@ from hil.common.errors import ConfigError
 from hil.common.schema import Range
 from hil.links.address import parse_address
 
-Pulse = Annotated[int, Range(800, 2200, "us")]
 PORTS = {"ardupilot": 9002, "px4": 4560}  # port of the first instance
 STEP = {"ardupilot": 10, "px4": 1}  # difference of ports between instances
 GROUND_PORT = 5760  # of the first ArduPilot instance: its SERIAL0, MAVLink over TCP
@@ -25,10 +24,9 @@ class AutopilotSettings(NamedTuple):
     the vehicle, if there is one. `frame` is a file of hil/autopilots/frames, "auto" or "custom". `instance` shifts
     the ports. `address` is where we listen (udp://, tcp://) or a board's device; the default is the interface's own
     address on this machine. `baud` is for a serial device. With `lockstep` simulated time waits for the autopilot.
-    After `silence` without outputs the thrusters go to neutral. `rate` is the rate of PX4's HIL_SENSOR. `rc` has
-    pulse widths of receiver channels (ArduPilot, PX4's SITL). `positions` is the position source of the estimator:
-    a GPS that ArduPilot simulates itself from the true position, or messages with samples of our sensors, as from a
-    companion computer; PX4 gets them in any case.
+    After `silence` without outputs the thrusters go to neutral. `rate` is the rate of PX4's HIL_SENSOR.
+    `positions` is the position source of the estimator: a GPS that ArduPilot simulates itself from the true position,
+    or messages with samples of our sensors, as from a companion computer; PX4 gets them in any case.
     """
 
     program: str = ""
@@ -43,19 +41,16 @@ class AutopilotSettings(NamedTuple):
     lockstep: bool = True
     silence: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
     rate: Annotated[float, Range(10.0, 250.0, "Hz")] = 250.0
-    rc: tuple[Pulse, ...] = ()
     positions: Positions = "simulated"
 
     def validate(self) -> str | None:
         """Return why an address is invalid; None if all are valid."""
-        for key, text in (("address", self.address),):
-            try:
-                if text and parse_address(text).carries_can:
-                    return f"{key}: {text!r}: an autopilot is reached by udp://, tcp:// or a serial device, not by CAN"
-            except ConfigError as error:
-                return f"{key}: {error}"
-        if len(self.rc) > 12:
-            return f"rc: {len(self.rc)} channels, and an autopilot takes 12"
+        text = self.address
+        try:
+            if text and parse_address(text).carries_can:
+                return f"address: {text!r}: an autopilot is reached by udp://, tcp:// or a serial device, not by CAN"
+        except ConfigError as error:
+            return f"address: {error}"
         return None
 
     def own_address(self, controller: str) -> str:

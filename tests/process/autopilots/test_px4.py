@@ -135,25 +135,6 @@ def test_gps_has_a_fix_at_the_surface_only(tmp_path: Path) -> None:
             peer.close()
 
 
-def test_rc_channels_are_sent_when_configured(tmp_path: Path) -> None:
-    with bench(tmp_path) as b:
-        peer = Px4Peer(b.port)
-        for _ in range(20):
-            peer.send_reply(peer.sensor(), ())
-        assert "RC_CHANNELS" not in peer.received
-        peer.close()
-    port = free_ports(1)[0]
-    with bench(tmp_path, f'address = "tcp://127.0.0.1:{port}"\nrc = [1600, 1400]'):
-        peer = Px4Peer(port)
-        for _ in range(50):
-            peer.send_reply(peer.sensor(), ())
-        channels = peer.last["RC_CHANNELS"]
-        assert (channels.chancount, channels.chan1_raw, channels.chan2_raw) == (2, 1600, 1400)
-        assert channels.chan3_raw == channels.chan18_raw == 65_535  # unused
-        assert 8 <= peer.received["RC_CHANNELS"] <= 12  # 50 Hz
-        peer.close()
-
-
 def test_positions_by_dvl_are_a_depth_and_a_velocity_while_it_has_lock(tmp_path: Path) -> None:
     """The world is 30 m deep: 25 m above the bed a DVL with a range of 20 m has none, and says so.
 

@@ -123,17 +123,6 @@ def test_px4_holds_depth_after_a_thruster_failure(tmp_path: Path) -> None:
     assert min(depths) > 2.0
 
 
-def test_px4_receives_rc_channels(tmp_path: Path) -> None:
-    dive = Dive(tmp_path, rc=[1510, 1520, 1530, 1540, 1550])
-
-    def mission() -> Mission:
-        yield lambda: "RC_CHANNELS" in dive.station.latest
-
-    dive.fly(mission(), 60.0)
-    channels = dive.station.latest["RC_CHANNELS"]
-    assert (channels.chancount, channels.chan1_raw, channels.chan5_raw) == (5, 1510, 1550)
-
-
 def test_px4_follows_attitude_and_thrust_in_offboard_mode(tmp_path: Path) -> None:
     """PX4's underwater controllers take an attitude and a thrust over MAVLink in OFFBOARD, and no position."""
     dive = Dive(tmp_path)

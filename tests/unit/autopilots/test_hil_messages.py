@@ -9,7 +9,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autopilots.hil_messages import (
     ARMED,
     LOCKSTEP,
-    Inertial,
     compute_pressure_altitude,
     controls_to_pwm,
     encode_gps,
@@ -25,7 +24,7 @@ from tests.support.autopilots.captured import needs_captures, rows
 
 
 def test_hil_sensor_has_units_gauss_and_hectopascal() -> None:
-    message = encode_sensor(5_000_000, Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), (2e-5, 0.0, 4.4e-5), 151_325.0))
+    message = encode_sensor(5_000_000, (0.1, 0.2, -9.8), (0.01, 0.02, 0.03), (2e-5, 0.0, 4.4e-5), 151_325.0)
     assert (message.time_usec, message.zacc, message.ygyro) == (5_000_000, -9.8, 0.02)
     assert (message.xmag, message.zmag) == pytest.approx((0.2, 0.44))
     assert message.abs_pressure == pytest.approx(1513.25)
@@ -33,9 +32,9 @@ def test_hil_sensor_has_units_gauss_and_hectopascal() -> None:
 
 
 def test_unmeasured_fields_are_not_marked_as_updated() -> None:
-    assert encode_sensor(1, Inertial(None, None, None, None)).fields_updated == 0
-    assert encode_sensor(1, Inertial((0.0,) * 3, (0.0,) * 3, None, None)).fields_updated == 0x03F
-    assert encode_sensor(1, Inertial(None, None, None, 1e5)).fields_updated == 0x1A00
+    assert encode_sensor(1, None, None, None, None).fields_updated == 0
+    assert encode_sensor(1, (0.0,) * 3, (0.0,) * 3, None, None).fields_updated == 0x03F
+    assert encode_sensor(1, None, None, None, 1e5).fields_updated == 0x1A00
 
 
 def test_pressure_altitude_is_that_of_the_standard_atmosphere() -> None:
@@ -73,7 +72,7 @@ def test_every_message_can_be_packed() -> None:
             [
                 encode_odometry(1, sample, (0.0,) * 5),
                 huge,
-                encode_sensor(1, Inertial(None, None, None, 1e5)),
+                encode_sensor(1, None, None, None, 1e5),
             ],
         )
     )
