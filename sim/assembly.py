@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact
 from sim.environment.world import World
 from sim.native import NativeDynamics, NativeThrusterSet, choose, has_native
@@ -53,7 +53,6 @@ def assemble(
     seed: int,
     dt_ns: int,
     pose: tuple[Sequence[float], Sequence[float]],
-    integrator: Integrator,
     failures: "Sequence[Failure]",
     own_forces: "Sequence[Force]",
     releases: "Sequence[Release]",
@@ -85,7 +84,7 @@ def assemble(
         tether = Tether(tether_keys, world, dt, read_body, flow)
     forces = [*(equipment.forces if equipment else ()), *own_forces, *([tether] if tether else ())]
     wave_field = water.wave_field if water else None
-    dynamics = make_hull_dynamics(vehicle, world, integrator, forces, wave_field, seed)
+    dynamics = make_hull_dynamics(vehicle, world, forces, wave_field, seed)
     thrusters = make_thrusters(vehicle, dt, failures, seed)
     if equipment and equipment.azimuths:
         equipment.azimuths.read_thrusts = lambda: thrusters.thrusts
@@ -105,7 +104,6 @@ def assemble(
 def make_hull_dynamics(
     vehicle: Vehicle,
     world: World,
-    integrator: Integrator,
     forces: "Sequence[Force]",
     wave_field: "WaveField | None",
     seed: int,
@@ -119,7 +117,7 @@ def make_hull_dynamics(
         from sim.environment.wind import WindForce
 
         forces = [*forces, WindForce(vehicle, world.wind, wave_field, seed)]
-    return make_dynamics(vehicle, world.density, world.gravity, integrator, forces)
+    return make_dynamics(vehicle, world.density, world.gravity, forces)
 
 
 def _make_water(vehicle: Vehicle, world: World, seed: int) -> "FluidMotion":
@@ -166,7 +164,6 @@ def make_dynamics(
     vehicle: Vehicle,
     density: float,
     gravity: float,
-    integrator: Integrator = "verlet",
     forces: "Sequence[Force]" = (),
 ) -> Dynamics:
     """Return the equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², in C if it is compiled.
@@ -174,7 +171,7 @@ def make_dynamics(
     Raises ConfigError as `choose` does.
     """
     dynamics, _ = choose()
-    return dynamics(vehicle, density, gravity, integrator, forces)
+    return dynamics(vehicle, density, gravity, forces)
 
 
 def make_thrusters(vehicle: Vehicle, dt: float, failures: "Iterable[Failure]" = (), seed: int = 0) -> ThrusterSet:

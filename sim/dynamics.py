@@ -20,27 +20,25 @@ element, these forces and moments are added:
 Smaller moments alone would not conserve energy. With the forces beside them nu_r . relief = 0 for any shares: the
 relief does no work.
 
-Integrators. `verlet`, the default, moves half a step, computes the acceleration there and the new velocity, and moves
-the other half (Verlet 1967, Phys. Rev. 159). Terms that depend on velocity use a predicted one, nu + nu_dot dt / 2
-(Groot & Warren 1997, J. Chem. Phys. 107). The prediction is reduced where a step is long for the damping, so that the
-method is stable up to a damping rate of 2 / dt, as Euler's is. It is of second order with one evaluation of the forces
-a step, and springs (lift at the surface, righting moments) neither gain nor lose energy. `rk4` is the classical
-Runge-Kutta method with four evaluations a step, of fourth order for forces of position and velocity. Thrust is held
-within a step at the value of its end (sim/vehicle/thrusters/bank.py), so while thrusters change their speed both are of
-first order: a reference run with thrusters needs short steps rather than `rk4`. Greatest errors in 10 s of
+A step moves half its way, computes the acceleration there and the new velocity, and moves the other half (Verlet 1967,
+Phys. Rev. 159). Terms that depend on velocity use a predicted one, nu + nu_dot dt / 2 (Groot & Warren 1997, J. Chem.
+Phys. 107). The prediction is reduced where a step is long for the damping, so that the method is stable up to a damping
+rate of 2 / dt, as Euler's is. It is of second order with one evaluation of the forces a step, and springs (lift at the
+surface, righting moments) neither gain nor lose energy. Thrust is held within a step at the value of its end
+(sim/vehicle/thrusters/bank.py), so while thrusters change their speed it is of first order. Greatest errors in 10 s of
 bluerov2_heavy_vonbenzon2022 under a constant wrench, compared with semi-implicit Euler
 (tests/unit/sim/test_integrators.py):
 
-                                       semi-implicit   verlet    rk4
+                                       semi-implicit   this
     from rest, 40 N: position (m)
-      steps of 2.5 ms                  1.0e-3          1.3e-6    1.2e-11
-      steps of 10 ms                   4.0e-3          2.4e-5    3.1e-9
+      steps of 2.5 ms                  1.0e-3          1.3e-6
+      steps of 10 ms                   4.0e-3          2.4e-5
     into a turn, 40 N and 3 N m
-      steps of 2.5 ms: position (m)    1.2e-3          2.6e-6    2.2e-11
-                       quaternion      1.5e-3          1.2e-6    1.5e-11
-      steps of 10 ms: position (m)     4.7e-3          3.7e-5    5.5e-9
+      steps of 2.5 ms: position (m)    1.2e-3          2.6e-6
+                       quaternion      1.5e-3          1.2e-6
+      steps of 10 ms: position (m)     4.7e-3          3.7e-5
     time of a step in C, relative to semi-implicit Euler
-                                       1.0             1.1       1.9
+                                       1.0             1.1
 
 The step uses only + - * / and sqrt, in an order that the C twin (sim/native/kernel.h) repeats, so that both give the
 same bits. Some forces (sim/forces.py) need sines and powers: Python and the twin (sim/native/forces.h) both call the
@@ -49,9 +47,8 @@ C library for them.
 
 from collections.abc import Callable, Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, NamedTuple
 
-from hil.common.errors import ConfigError
 from hil.common.vectors import Quaternion
 from sim import rotations
 from sim.matrices import inverse, is_diagonal, square, times
@@ -61,8 +58,6 @@ from sim.vehicle.vehicle import Vehicle, mass_matrix
 
 if TYPE_CHECKING:
     from sim.forces import Force
-
-Integrator = Literal["verlet", "rk4"]
 
 
 class State:
@@ -107,19 +102,9 @@ class Forces(NamedTuple):
 
 
 class Dynamics:
-    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with additional `forces`.
+    """The equations of one vehicle in water of `density` kg/m³ under `gravity` m/s², with additional `forces`."""
 
-    Raises ConfigError for an unknown integrator.
-    """
-
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        density: float,
-        gravity: float,
-        integrator: Integrator = "verlet",
-        forces: "Sequence[Force]" = (),
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, density: float, gravity: float, forces: "Sequence[Force]" = ()) -> None:
         self.others = forces
         self._over_ground = [getattr(force, "over_ground", False) for force in forces]
         self.mass = mass_matrix(vehicle)
@@ -139,11 +124,7 @@ class Dynamics:
         # Rate at which damping reduces each velocity (1/s), and its slope over the speed.
         self._rates = [self._linear[i][i] * self.inverse_mass[i][i] for i in range(6)]
         self._slopes = [2.0 * self._quadratic[i][i] * self.inverse_mass[i][i] for i in range(6)]
-        steps: dict[Integrator, Callable[..., None]] = {"verlet": self._verlet, "rk4": self._rk4}
-        if integrator not in get_args(Integrator):
-            raise ConfigError(f"integrator {integrator!r}: there are {' and '.join(steps)}")
-        self._integrator = integrator
-        self._advance = steps[integrator]
+        self._advance: Callable[..., None] = self._advance_in_python
 
     def step(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         """Advance `state` by `dt` s.
@@ -232,7 +213,7 @@ class Dynamics:
         matrices = (self.mass, self.inverse_mass, self._linear, self._quadratic)
         flat = [x for matrix in matrices for row in matrix for x in row]
         moved = [x for row in self._added_mass_linear for x in row]
-        kind = [float(self._diagonal), float(self._integrator == "rk4"), float(self._reduces_munk)]
+        kind = [float(self._diagonal), float(self._reduces_munk)]
         return [*flat, self.weight, *self._weight_moment, *self.hull.numbers(), *moved, *self._munk_reduction, *kind]
 
     def _munk_relief(self, u: float, v: float, w: float, p: float, q: float, r: float) -> Sequence[float]:
@@ -299,7 +280,7 @@ class Dynamics:
         predicted = [x + half * max(0.0, 1.0 - dt * (rate + slope * abs(x))) * dx for x, dx, rate, slope in rows]
         return position, rotation, predicted, attitude
 
-    def _verlet(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
+    def _advance_in_python(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         """Move half a step at the old velocities, accelerate there, move the other half at the new velocities."""
         position, rotation, predicted, attitude = self.predict_midpoint(state, dt)
         if self.others:
@@ -309,30 +290,6 @@ class Dynamics:
         nu = [x + dt * dx for x, dx in zip(state.nu, nu_dot, strict=True)]
         moved = [x + half * dx for x, dx in zip(position, _over_ground(rotation, nu), strict=True)]
         _set_state(state, moved, list(rotations.integrate(attitude, nu[3:], half)), nu, nu_dot)
-
-    def _rk4(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
-        """Step by the classical Runge-Kutta method of fourth order."""
-        start = [*state.position, *state.quaternion, *state.nu]
-
-        def slope(at: Sequence[float]) -> list[float]:
-            """Return the time derivative of the 13 numbers `at`, whose quaternion need not have length 1."""
-            rotation = rotations.matrix(rotations.normalise(at[3:7]))
-            nu = at[7:]
-            pushed = self.add_forces(at[:3], rotation, nu, wrench, current) if self.others else wrench
-            return [
-                *_over_ground(rotation, nu),
-                *rotations.multiply(at[3:7], (0.0, 0.5 * nu[3], 0.5 * nu[4], 0.5 * nu[5])),
-                *self.acceleration(at[2], rotation, nu, pushed, current),
-            ]
-
-        k1 = slope(start)
-        k2 = slope([x + 0.5 * dt * k for x, k in zip(start, k1, strict=True)])
-        k3 = slope([x + 0.5 * dt * k for x, k in zip(start, k2, strict=True)])
-        k4 = slope([x + dt * k for x, k in zip(start, k3, strict=True)])
-        slopes = zip(k1, k2, k3, k4, strict=True)
-        mean = [(a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in slopes]
-        end = [x + dt * k for x, k in zip(start, mean, strict=True)]
-        _set_state(state, end[:3], list(rotations.normalise(end[3:7])), end[7:], mean[7:])
 
 
 def _set_state(

@@ -20,9 +20,9 @@ Buoyancy = tuple[float, float, float, float]
 class Force(Protocol):
     """A force on the vehicle besides thrusters, weight, buoyancy and damping.
 
-    `begin` is called once before each step, `wrench` once a step with Verlet, for its middle, and four times with
-    Runge-Kutta. `wrench` must depend only on its arguments and on what `begin` has set, or a run cannot be repeated. A
-    force of the air has the attribute `over_ground = True`: `nu_r` is then the velocity over ground.
+    `begin` is called once before each step, `wrench` once a step, for its middle. `wrench` must depend only on its
+    arguments and on what `begin` has set, or a run cannot be repeated. A force of the air has the attribute
+    `over_ground = True`: `nu_r` is then the velocity over ground.
     """
 
     def begin(self, time_ns: int) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from hil.common.errors import ConfigError, DivergenceError, StartPositionError
 from sim.arguments import require_events, require_numbers, require_parts, require_wrenches
 from sim.assembly import assemble, make_hull_dynamics
-from sim.dynamics import Forces, Integrator, State
+from sim.dynamics import Forces, State
 from sim.environment.world import World
 from sim.matrices import Matrix
 from sim.native import NativeDynamics
@@ -57,7 +57,6 @@ class Simulation:
         dt_ns: int = DT_NS,
         position: Sequence[float] = (0.0, 0.0, 0.0),
         heading: float = 0.0,
-        integrator: Integrator = "verlet",
         failures: "Sequence[Failure]" = (),
         forces: "Sequence[Force]" = (),
         releases: "Sequence[Release]" = (),
@@ -72,13 +71,10 @@ class Simulation:
         self.events = EventLog()
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
-        self._integrator: Integrator = integrator
         self._seed = seed
         pose = position, from_euler(0.0, 0.0, heading)
         events = failures, forces, releases, tether
-        parts = assemble(
-            vehicle, world, seed, dt_ns, pose, integrator, *events, self._command, self._read_body, self.flow_at
-        )
+        parts = assemble(vehicle, world, seed, dt_ns, pose, *events, self._command, self._read_body, self.flow_at)
         self.state = parts.state
         self.accessories, self.equipment, self.tether = parts.accessories, parts.equipment, parts.tether
         self._dynamics, self._forces = parts.dynamics, parts.forces
@@ -304,7 +300,7 @@ class Simulation:
     def _drop_weight(self, weight: "DropWeight") -> None:
         """Remove `weight`. Its momentum leaves with it, so the velocity of the vehicle does not change."""
         self.vehicle = without_weight(self.vehicle, weight, self.world.density)
-        parts = self.vehicle, self.world, self._integrator, self._forces, self.wave_field, self._seed
+        parts = self.vehicle, self.world, self._forces, self.wave_field, self._seed
         self._dynamics = make_hull_dynamics(*parts)
         self._contact.inverse_mass = self._dynamics.inverse_mass
         if self._water is not None:

@@ -23,7 +23,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from hil.common.errors import ConfigError
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.sensors.error import ErrorBank, ErrorModel
 from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle
@@ -47,28 +47,16 @@ class NativeDynamics(Dynamics):
     """`Dynamics` with its step in C. Raises ImportError if the extension is not compiled.
 
     The forces that sim/native/forces.py lists are in C, too. If there is any other force, all forces are computed in
-    Python: with Verlet once a step, before the C; with Runge-Kutta the whole step is then computed in Python, because
-    the forces are needed in each of its stages.
+    Python once a step, before the C.
     """
 
-    has_native_forces = False  # True if all additional forces are in C
-
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        density: float,
-        gravity: float,
-        integrator: Integrator = "verlet",
-        forces: "Sequence[Force]" = (),
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, density: float, gravity: float, forces: "Sequence[Force]" = ()) -> None:
         from sim.native._native import Kernel
 
-        super().__init__(vehicle, density, gravity, integrator, forces)
+        super().__init__(vehicle, density, gravity, forces)
         twins = _twins(forces)
-        if twins is None and integrator == "rk4":
-            return
         numbers = self.numbers()
-        self.has_native_forces = twins is not None
+        self.has_native_forces = twins is not None  # True if all additional forces are in C
         triangles = [x for triangle in self.hull.triangles for x in triangle]
         packed = pack(f"{len(numbers)}d", *numbers), pack(f"{len(triangles)}d", *triangles)
         self.kernel = Kernel(*packed, twins or ())

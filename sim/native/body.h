@@ -12,7 +12,7 @@ typedef struct {
     double weight, weight_moment[3];
     double scale, submerged[4], reach; /* Hull.numbers() of sim/vehicle/buoyancy.py */
     double added_mass_linear[3][3], munk_reduction[3];
-    double diagonal, rk4, reduces_munk; /* 1 or 0 */
+    double diagonal, reduces_munk; /* 1 or 0 */
     const double (*triangles)[9];
     long triangle_count;
 } Body;

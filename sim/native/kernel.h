@@ -178,7 +178,8 @@ static int predict_midpoint(const Body *body, const double *at, const double *nu
     return ok;
 }
 
-static int verlet(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
+/* Advances `at` by `dt`; `nu_dot` is that of the last step, then of this one. Returns 0 if its quaternion is zero. */
+static int step(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
 {
     double mid[SIZE], rotation[9], velocity[3], half = 0.5 * dt;
     int ok = predict_midpoint(&model->body, at, nu_dot, dt, mid, rotation);
@@ -189,40 +190,4 @@ static int verlet(const Model *model, double *at, double *nu_dot, const double *
     for (int i = 0; i < 3; i++)
         at[i] = mid[i] + half * velocity[i];
     return integrate(mid + QUATERNION, at + NU + 3, half, at + QUATERNION) && ok;
-}
-
-static int slope(const Model *model, const double *at, const double *wrench, const double *current, double *out)
-{
-    double rotation[9], unit[4];
-    int ok = normalise(at + QUATERNION, unit);
-    matrix(unit, rotation);
-    over_ground(rotation, at + NU, out);
-    multiply(at + QUATERNION, 0.0, 0.5 * at[10], 0.5 * at[11], 0.5 * at[12], out + QUATERNION);
-    acceleration(model, at + POSITION, rotation, at + NU, wrench, current, out + NU);
-    return ok;
-}
-
-static int rk4(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
-{
-    double k[4][SIZE], next[SIZE], mean[SIZE];
-    const double reach[3] = {0.5 * dt, 0.5 * dt, dt};
-    int ok = slope(model, at, wrench, current, k[0]);
-    for (int stage = 0; stage < 3; stage++) {
-        for (int i = 0; i < SIZE; i++)
-            next[i] = at[i] + reach[stage] * k[stage][i];
-        ok &= slope(model, next, wrench, current, k[stage + 1]);
-    }
-    for (int i = 0; i < SIZE; i++) {
-        mean[i] = (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]) / 6.0;
-        at[i] = at[i] + dt * mean[i];
-    }
-    for (int i = 0; i < 6; i++)
-        nu_dot[i] = mean[NU + i];
-    return normalise(at + QUATERNION, at + QUATERNION) && ok;
-}
-
-/* Advances `at` by `dt`; `nu_dot` is that of the last step, then of this one. Returns 0 if its quaternion is zero. */
-static int step(const Model *model, double *at, double *nu_dot, const double *wrench, const double *current, double dt)
-{
-    return (model->body.rk4 ? rk4 : verlet)(model, at, nu_dot, wrench, current, dt);
 }

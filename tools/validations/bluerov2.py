@@ -6,8 +6,9 @@ from math import degrees, pi
 from matplotlib.axes import Axes
 
 from sim import rotations
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.rotations import from_euler, to_euler
+from tests.support.flights.runge_kutta import RungeKutta
 from tests.support.flights.von_benzon import CASES, CURRENT, DEEP, DENSITY, GRAVITY, HEAVY, LeftOut, Row, pick, rows_of
 from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, below, label, near, plot_own, plot_ref
 
@@ -72,10 +73,10 @@ KEYS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "r": "rad/s", "phi": "deg"}
 
 
-def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[float, State]]:
+def fly(name: str, method: type[Dynamics], splits: int) -> Iterator[tuple[float, State]]:
     """Yield time (s) and state every 0.1 s; `splits` of our steps are one step of the reference, 0.02 s."""
     current = CURRENT if name.startswith("current") else STILL
-    dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, integrator, [LeftOut(current)] if any(current) else [])
+    dynamics = method(HEAVY, DENSITY, GRAVITY, [LeftOut(current)] if any(current) else [])
     rows = reference(name)
     state = State((0.0, 0.0, DEEP), from_euler(*pick(rows[0], "phi theta psi")), pick(rows[0], "u v w p q r"))
     yield 0.0, state
@@ -112,17 +113,17 @@ def furthest(name: str, flown: list[tuple[float, dict[str, float]]]) -> float:
 
 def trajectories(panels: Sequence[Axes]) -> list[Finding]:
     """Eight runs of 15 to 40 s. The dots are from the Runge-Kutta code of others, with steps of 0.02 s, one dot a
-    second. The lines are ours, with both integrators. The difference is the largest in position, attitude and
+    second. The lines are our equations with that method. The difference is the largest in position, attitude and
     speeds."""
     same_steps = fine = 0.0
     for axes, (name, (title, key)) in zip(panels, SHOWN.items(), strict=True):
-        flown = [(t, numbers(state)) for t, state in fly(name, "rk4", 1)]
+        flown = [(t, numbers(state)) for t, state in fly(name, RungeKutta, 1)]
         same_steps = max(same_steps, furthest(name, flown))
-        fine = max(fine, furthest(name, [(t, numbers(state)) for t, state in fly(name, "verlet", 8)]))
+        fine = max(fine, furthest(name, [(t, numbers(state)) for t, state in fly(name, Dynamics, 8)]))
         _panel(axes, name, title, key, flown)
     return [
         below("Runge-Kutta, the same steps", same_steps, 1e-4),
-        below("Verlet, the default, 2.5 ms", fine, 2e-4),
+        below("ours, 2.5 ms", fine, 2e-4),
     ]
 
 

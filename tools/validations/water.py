@@ -5,8 +5,9 @@ from math import dist
 
 from matplotlib.axes import Axes
 
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.rotations import from_euler, rotate, rotate_inverse
+from tests.support.flights.runge_kutta import RungeKutta
 from tests.support.flights.von_benzon import LeftOut
 from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL
 from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, below, label, plot_own, plot_ref, wrong
@@ -21,13 +22,13 @@ def carried(panels: Sequence[Axes]) -> list[Finding]:
     In HoloOcean it stays at rest."""
     apart, adrift = panels
     ends = {}
-    runs: tuple[tuple[Integrator, bool, str, str], ...] = (
-        ("rk4", True, "turning left out (RK4)", WRONG),
-        ("verlet", False, "ours, Verlet, 2 ms", SHADES[2]),
-        ("rk4", False, "ours, RK4, 2 ms", SHADES[0]),
+    runs: tuple[tuple[type[Dynamics], bool, str, str], ...] = (
+        (RungeKutta, True, "turning left out (RK4)", WRONG),
+        (Dynamics, False, "ours, Verlet, 2 ms", SHADES[2]),
+        (RungeKutta, False, "ours, RK4, 2 ms", SHADES[0]),
     )
-    for integrator, left_out, name, color in runs:
-        away = _apart(integrator, left_out)
+    for method, left_out, name, color in runs:
+        away = _apart(method, left_out)
         apart.semilogy([0.1 * (i + 1) for i in range(len(away))], away, color=color, label=name)
         ends[name] = away[-1]
     label(apart, "time (s)", "distance of the two (m)", legend="center right")
@@ -38,13 +39,13 @@ def carried(panels: Sequence[Axes]) -> list[Finding]:
     ]
 
 
-def _apart(integrator: Integrator, left_out: bool) -> list[float]:
+def _apart(method: type[Dynamics], left_out: bool) -> list[float]:
     """Return the distances (m) between the carried vehicle and the one in calm water, each 0.1 s of 4 s."""
     q, nu = from_euler(0.3, -0.2, 0.9), [0.5, -0.2, 0.1, 0.4, -0.3, 0.8]
     moving = [a + b for a, b in zip(nu[:3], rotate_inverse(q, CURRENT), strict=True)] + nu[3:]
     calm, moved = State((0.0, 0.0, DEEP), q, nu), State((0.0, 0.0, DEEP), q, moving)
-    still = Dynamics(HEAVY, 1000.0, 9.82, integrator)
-    flowing = Dynamics(HEAVY, 1000.0, 9.82, integrator, [LeftOut(CURRENT)] if left_out else [])
+    still = method(HEAVY, 1000.0, 9.82)
+    flowing = method(HEAVY, 1000.0, 9.82, [LeftOut(CURRENT)] if left_out else [])
     wrench, away = (20.0, 5.0, 0.0, 0.0, 0.0, 1.0), []
     for step in range(1, 2001):
         still.step(calm, wrench, STILL, 0.002)

@@ -12,7 +12,7 @@ from hil.common.errors import ConfigError, DivergenceError
 from hil.common.schema import find_preset
 from hil.common.tables import read_table
 from hil.scenario.variant import write_toml
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.environment.world import load_world
 from sim.native import NativeDynamics
 from sim.rotations import Rotation
@@ -87,7 +87,6 @@ def fly(simulation: Simulation, steps: int = 2000) -> str:
         ({"position": (1e300, 4.0, 2.0)}, "position: 1e+300 is no number to start from: give finite ones, to 1"),
         ({"position": (4.0, "x", 2.0)}, "position: x is no number"), ({"position": 5}, "position: 5"),
         *[({"seed": seed}, f"seed = {seed}: give a whole number") for seed in (-1, 1.5, nan, "abc", None, True)],
-        *[({"integrator": name}, f"integrator {name!r}: there are verlet and rk4") for name in ("euler", None, ["a"])],
         ({"world": POOL._replace(current=(0.0, nan, 0.0))}, "current of pool: nan"),
         ({"world": POOL._replace(density=inf)}, "density of pool: inf"),
         ({"vehicle": SIX._replace(added_mass=(inf, 1.0, 1.0, 0.1, 0.1, 0.1))}, "paper_six: added_mass: inf"),
@@ -130,13 +129,10 @@ def test_a_pulse_that_is_no_number_is_refused(vehicle: Vehicle, pulse: Any, may_
 # -- in a step --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 @pytest.mark.parametrize("kind", [Dynamics, NativeDynamics])
-def test_a_step_with_nan_leaves_the_state_unchanged(
-    kind: type[Dynamics], integrator: Integrator, binaries: Path
-) -> None:
+def test_a_step_with_nan_leaves_the_state_unchanged(kind: type[Dynamics], binaries: Path) -> None:
     with taken_from(binaries):
-        dynamics = kind(SIX, 1025.0, 9.8, integrator)
+        dynamics = kind(SIX, 1025.0, 9.8)
         for wrench, current in (((0.0, nan, 0.0, 0.0, 0.0, 0.0), STILL), (NOTHING, (0.0, 0.0, inf))):
             state = State(PLACE, nu=(0.5, 0.0, 0.1, 0.0, 0.0, 0.2))
             before = [*state.position, *state.quaternion, *state.nu, *state.nu_dot]
@@ -146,16 +142,14 @@ def test_a_step_with_nan_leaves_the_state_unchanged(
 
 
 @pytest.mark.usefixtures("twin")
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 @pytest.mark.parametrize(("value", "reported"), [(nan, "nan"), (-inf, "-inf")])
-def test_a_force_that_is_not_finite_is_named_with_its_time(value: float, reported: str, integrator: Integrator) -> None:
+def test_a_force_that_is_not_finite_is_named_with_its_time(value: float, reported: str) -> None:
     simulation = Simulation(
         SIX,
         POOL,
         {},
         position=PLACE,
         forces=[BrokenForce(0, 0.0), BrokenForce(250_000_000, value)],
-        integrator=integrator,
     )
     words = fly(simulation)
     assert words.startswith("6: paper_six: its state is not finite any more after 0.2500 s: the force ")

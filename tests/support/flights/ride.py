@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from sim.dynamics import Integrator, State
+from sim.dynamics import State
 from sim.environment.world import World
 from sim.rotations import normalise
 from sim.sensors.imu import Imu, ImuModel
@@ -26,7 +26,6 @@ def twins(
     monkeypatch: pytest.MonkeyPatch,
     world: World,
     vehicle: Vehicle = HEAVY,
-    integrator: Integrator = "verlet",
     **others: Any,
 ) -> tuple[Simulation, Simulation]:
     """Return the same simulation in Python and in C; `others` are further arguments of Simulation."""
@@ -34,7 +33,7 @@ def twins(
     pair = []
     for native in "01":
         monkeypatch.setenv("UUV_HIL_NATIVE", native)
-        pair.append(Simulation(vehicle, world, integrator=integrator, **arguments))
+        pair.append(Simulation(vehicle, world, **arguments))
     python, quick = pair
     assert type(python.state) is State
     assert type(quick.state) is not State

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.environment.world import World
 from sim.rotations import from_euler
 from sim.simulation import Simulation
@@ -45,8 +45,7 @@ def in_other_units(vehicle: Vehicle) -> Vehicle:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_the_dynamics_are_independent_of_units(integrator: Integrator) -> None:
+def test_the_dynamics_are_independent_of_units() -> None:
     """ArduPilot's SIM_Submarine multiplies an angular rate squared by an area and a length and calls it a torque,
     and has 10.5 kg in one place and 16.75 kg in another. Whoever computes in feet gets another spin from it;
     ours is the same ride in any units."""
@@ -55,8 +54,8 @@ def test_the_dynamics_are_independent_of_units(integrator: Integrator) -> None:
     force, moment = KILOGRAM * METRE / SECOND**2, KILOGRAM * METRE**2 / SECOND**2
     speed, rate = METRE / SECOND, 1.0 / SECOND
     wrench, current = [40.0, -20.0, 30.0, 2.0, -1.0, 3.0], [0.2, -0.1, 0.05]
-    si = Dynamics(vehicle, 1025.0, 9.81, integrator)
-    other = Dynamics(in_other_units(vehicle), 1025.0 * KILOGRAM / METRE**3, 9.81 * METRE / SECOND**2, integrator)
+    si = Dynamics(vehicle, 1025.0, 9.81)
+    other = Dynamics(in_other_units(vehicle), 1025.0 * KILOGRAM / METRE**3, 9.81 * METRE / SECOND**2)
     ride, same = (State((0.0, 0.0, depth), from_euler(0.3, -0.2, 1.0)) for depth in (0.1, 0.1 * METRE))
     scaled_wrench = [x * force for x in wrench[:3]] + [x * moment for x in wrench[3:]]
     for _ in range(400):

@@ -8,7 +8,7 @@ from struct import pack
 
 import pytest
 
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.environment.ocean import GaussMarkov, Ocean, Waves
 from sim.environment.water import SampledWaves
 from sim.environment.wind import Wind
@@ -48,11 +48,10 @@ def ride(
     monkeypatch: pytest.MonkeyPatch,
     world: World,
     vehicle: Vehicle,
-    integrator: Integrator = "verlet",
     depth: float = 4.0,
 ) -> Ride:
     position = (0.0, 0.0, depth)
-    return Ride(twins(monkeypatch, world, vehicle, integrator, position=position, dt_ns=10_000_000))
+    return Ride(twins(monkeypatch, world, vehicle, position=position, dt_ns=10_000_000))
 
 
 def vehicle_of(name: str) -> Vehicle:
@@ -66,20 +65,13 @@ def vehicle_of(name: str) -> Vehicle:
 
 VEHICLES = ("azimuth", "bluerov2", "eca_a9", "lauv", "otter", "remus100", "tethys")
 WORLDS = {"wind": CALM, "waves": ROUGH, "waves, current and gusts": MIXED}
-# Each vehicle in each world, each integrator with each vehicle and in each world.
-STEP_CASES: list[tuple[str, str, Integrator]] = [
-    (name, world, "rk4" if (row + column) % 2 else "verlet")
-    for row, name in enumerate(VEHICLES)
-    for column, world in enumerate(WORLDS)
-]
 
 
-@pytest.mark.parametrize(("name", "world", "integrator"), STEP_CASES)
-def test_whole_steps_in_c_and_python_are_equal(
-    name: str, world: str, integrator: Integrator, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("world", WORLDS)
+def test_whole_steps_in_c_and_python_are_equal(name: str, world: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps are equal at depth, half out of the water, and among waves, each as one call of C."""
-    flight = ride(monkeypatch, WORLDS[world], vehicle_of(name), integrator)
+    flight = ride(monkeypatch, WORLDS[world], vehicle_of(name))
     assert flight.pair[1]._fused
     assert not flight.pair[0]._fused
     for depth in (4.0, 0.05, -0.2, 1.5):
@@ -110,9 +102,8 @@ class Crosswind:
         return [rotation[1] * 3.0, nu_r[1] * -2.0, position[2] * 0.01, 0.1, nu_r[4] * -0.3, rotation[2]]
 
 
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_a_user_defined_force_is_computed_in_python(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
-    flight = Ride(twins(monkeypatch, ROUGH, REMUS, integrator, forces=[Crosswind()]))
+def test_a_user_defined_force_is_computed_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = Ride(twins(monkeypatch, ROUGH, REMUS, forces=[Crosswind()]))
     assert flight.pair[1]._fused is None
     flight.run_and_compare(200)
 
@@ -138,9 +129,8 @@ def test_every_force_is_equal_at_any_motion() -> None:
     for _ in range(400):
         full = tuple(rng.uniform(-1.0, 1.0) + (9.0 if i % 7 == 0 else 0.0) for i in range(36))
         vehicle = REMUS._replace(linear_damping=full, quadratic_damping=full)
-        integrator: Integrator = rng.choice(("verlet", "rk4"))
         forces = some_forces(rng)
-        python = Dynamics(vehicle, 1025.0, 9.81, integrator, forces)
+        python = Dynamics(vehicle, 1025.0, 9.81, forces)
         states = State(), State()
         nu = [rng.choice((-1.0, 1.0)) * rng.choice(MOTIONS) for _ in range(6)]
         for state in states:
@@ -149,7 +139,7 @@ def test_every_force_is_equal_at_any_motion() -> None:
         quaternion = normalise([rng.gauss(0.0, 1.0) for _ in range(4)])
         states[0].quaternion, states[1].quaternion = list(quaternion), list(quaternion)
         python.step(states[0], (1.0, 2.0, 3.0, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), 0.001)
-        c = NativeDynamics(vehicle, 1025.0, 9.81, integrator, forces)
+        c = NativeDynamics(vehicle, 1025.0, 9.81, forces)
         assert c.has_native_forces
         c.step(states[1], (1.0, 2.0, 3.0, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), 0.001)
         numbers = [[*s.position, *s.quaternion, *s.nu, *s.nu_dot] for s in states]

@@ -19,7 +19,7 @@ from hil.common.schema import preset_names
 from hil.doctor.software import EXTENSIONS
 from sim import rotations
 from sim.assembly import make_dynamics, make_thruster_set
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.matrices import square
 from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, choose, has_native
 from sim.sensors.error import ErrorBank, ErrorModel
@@ -29,7 +29,6 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 ROOT = Path(__file__).parents[4]
 BINARY = "sim.native._native"
-INTEGRATORS: tuple[Integrator, ...] = ("verlet", "rk4")
 STEPS = 300
 DT = 0.0025
 
@@ -119,10 +118,9 @@ def fly(dynamics: Dynamics, path: Flight, change_state: Callable[[State], None] 
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda vehicle: vehicle.name)
-@pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.usefixtures("native")
-def test_steps_in_c_and_python_are_equal_bit_for_bit(vehicle: Vehicle, integrator: Integrator) -> None:
-    python, native = Dynamics(vehicle, 1025.0, 9.81, integrator), NativeDynamics(vehicle, 1025.0, 9.81, integrator)
+def test_steps_in_c_and_python_are_equal_bit_for_bit(vehicle: Vehicle) -> None:
+    python, native = Dynamics(vehicle, 1025.0, 9.81), NativeDynamics(vehicle, 1025.0, 9.81)
     deep, shallow = flight(7, 500.0), flight(8, 0.05)
     expected, crossing = fly(python, deep)
     assert crossing == 0
@@ -161,15 +159,14 @@ def test_the_kernel_alone_equals_python_on_each_machine(
     path = flight(9, -0.1)
     start = (*path.position, *path.quaternion, *path.nu, DT, float(len(path.inputs)))
     inputs = [x for wrench, current in path.inputs for x in (*wrench, *current)]
-    for integrator in INTEGRATORS:
-        python = Dynamics(VEHICLES[-1], 1025.0, 9.81, integrator)
-        hull = float(len(python.hull.triangles)), *(x for triangle in python.hull.triangles for x in triangle)
-        given = packed([*python.numbers(), *hull, *start, *inputs])
-        completed = subprocess.run([*emulator, str(program)], input=given, capture_output=True)
-        expected, crossing = fly(python, path)
-        assert crossing > STEPS / 20
-        assert completed.returncode == 0
-        assert completed.stdout == expected, integrator
+    python = Dynamics(VEHICLES[-1], 1025.0, 9.81)
+    hull = float(len(python.hull.triangles)), *(x for triangle in python.hull.triangles for x in triangle)
+    given = packed([*python.numbers(), *hull, *start, *inputs])
+    completed = subprocess.run([*emulator, str(program)], input=given, capture_output=True)
+    expected, crossing = fly(python, path)
+    assert crossing > STEPS / 20
+    assert completed.returncode == 0
+    assert completed.stdout == expected
 
 
 @pytest.mark.usefixtures("native")
@@ -186,15 +183,14 @@ def test_a_step_does_not_change_earlier_state_lists() -> None:
 @pytest.mark.usefixtures("native")
 def test_invalid_step_arguments_are_refused(dynamics: type[Dynamics]) -> None:
     """Both raise the same error for too few numbers, no numbers, and no attitude."""
-    for integrator in INTEGRATORS:
-        instance = dynamics(VEHICLES[0], 1025.0, 9.81, integrator)
-        for wrench, current in (([0.0] * 5, (0.0,) * 3), ([0.0] * 7, (0.0,) * 3), ([0.0] * 6, (0.0,) * 2)):
-            with pytest.raises(ValueError, match=r"\d"):
-                instance.step(State(), wrench, current, DT)
-        with pytest.raises(TypeError):
-            instance.step(State(), ["x"] * 6, (0.0,) * 3, DT)  # type: ignore[list-item]
-        with pytest.raises(FloatingPointError):
-            instance.step(State(quaternion=(0.0,) * 4), [0.0] * 6, (0.0,) * 3, DT)
+    instance = dynamics(VEHICLES[0], 1025.0, 9.81)
+    for wrench, current in (([0.0] * 5, (0.0,) * 3), ([0.0] * 7, (0.0,) * 3), ([0.0] * 6, (0.0,) * 2)):
+        with pytest.raises(ValueError, match=r"\d"):
+            instance.step(State(), wrench, current, DT)
+    with pytest.raises(TypeError):
+        instance.step(State(), ["x"] * 6, (0.0,) * 3, DT)  # type: ignore[list-item]
+    with pytest.raises(FloatingPointError):
+        instance.step(State(quaternion=(0.0,) * 4), [0.0] * 6, (0.0,) * 3, DT)
 
 
 MODELS = [
@@ -268,7 +264,7 @@ def test_c_is_used_where_it_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None
         assert type(make_error_bank(MODELS, DT, random.Random(1))) is NativeErrorBank
         assert choose()[1].startswith("C, ")
     monkeypatch.setenv("UUV_HIL_NATIVE", "0")
-    assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81, "rk4")) is Dynamics
+    assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is Dynamics
     assert type(make_thruster_set(VEHICLES[0], DT)) is ThrusterSet
     assert type(make_error_bank(MODELS, DT, random.Random(1))) is ErrorBank
     monkeypatch.setenv("UUV_HIL_NATIVE", "yes")

@@ -9,7 +9,7 @@ import pytest
 
 from hil.common.errors import ConfigError
 from sim.assembly import make_state
-from sim.dynamics import Integrator, State
+from sim.dynamics import State
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.relief import Sinusoid
 from sim.environment.terrain import Terrain, covering
@@ -29,10 +29,9 @@ PILES = Cylinder(3.0, 0.0, 1.0), Cylinder(-4.0, 0.0, 1.5, top=4.0)
 FIELD = FLAT._replace(walls=True, cylinder=PILES, box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),))
 
 
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_steps_are_equal_among_obstacles(monkeypatch: pytest.MonkeyPatch) -> None:
     """The vehicle is pushed against walls, piles, a block and the seabed, and put elsewhere, also into something."""
-    ride = Ride(twins(monkeypatch, FIELD, integrator=integrator))
+    ride = Ride(twins(monkeypatch, FIELD))
     assert ride.pair[1]._fused
     for _ in range(40):
         ride.run_and_compare(80)

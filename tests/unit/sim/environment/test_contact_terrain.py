@@ -6,7 +6,6 @@ from random import Random
 
 import pytest
 
-from sim.assembly import make_dynamics
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
 from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
@@ -18,6 +17,7 @@ from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.collisions import check_collisions_add_no_energy, drive_against_obstacles, sinking, total_energy
+from tests.support.flights.runge_kutta import RungeKutta
 
 VEHICLE, _ = load_vehicle("paper_six")
 HALF_HEIGHT = 0.5 * VEHICLE.dimensions[2]
@@ -96,7 +96,7 @@ def test_a_run_over_relief_gains_no_energy(rule: Slope, holes: int) -> None:
     Over the whole ride energy is lost, and nothing is in the seabed, which is checked at every eighth step.
     """
     world, vehicle = world_of(rule, holes), sinking(VEHICLE, SMOOTH)
-    dynamics = make_dynamics(vehicle, world.density, world.gravity, "rk4")
+    dynamics = RungeKutta(vehicle, world.density, world.gravity)
     contact = Contact(vehicle, world, dynamics.inverse_mass)
     state = State((1.3, -2.1, 2.0), nu=(0.7, -0.9, 0.0, 0.0, 0.0, 0.0))
     weight_in_water = dynamics.weight - dynamics.hull.full

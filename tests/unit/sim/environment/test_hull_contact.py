@@ -9,7 +9,6 @@ import pytest
 
 from hil.common.errors import ConfigError
 from hil.common.schema import parse
-from sim.assembly import make_dynamics
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
 from sim.environment.obstacles import Cylinder
@@ -19,6 +18,7 @@ from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision, make_shape
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 from tests.support.collisions import total_energy
+from tests.support.flights.runge_kutta import RungeKutta
 
 TORPEDO, _ = load_vehicle("remus100")
 FRAME, _ = load_vehicle("bluerov2_heavy")
@@ -171,7 +171,7 @@ def test_tumbling_on_the_seabed_gains_no_energy(restitution: float, friction: fl
     """
     vehicle = ball(Collision(restitution=restitution, friction=friction))
     vehicle = vehicle._replace(collision=Collision(friction=friction, restitution=restitution))
-    dynamics = make_dynamics(vehicle, SEA.density, SEA.gravity, "rk4")
+    dynamics = RungeKutta(vehicle, SEA.density, SEA.gravity)
     contact = Contact(vehicle, SEA, dynamics.inverse_mass, DT)
     state = State((0.0, 0.0, 19.0), from_euler(*attitude), (0.5, -0.3, 0.2, 0.4, 0.7, -0.2))
     first = last = total_energy(dynamics, state)

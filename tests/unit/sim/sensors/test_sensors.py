@@ -5,7 +5,7 @@ from statistics import pstdev
 
 import pytest
 
-from sim.dynamics import Dynamics, State
+from sim.dynamics import State
 from sim.environment.world import World
 from sim.matrices import inverse
 from sim.rotations import from_euler, rotate, rotate_inverse
@@ -17,6 +17,7 @@ from sim.sensors.pressure import Pressure, PressureModel
 from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.fitted import EXACT, NU, scene
+from tests.support.flights.runge_kutta import RungeKutta
 
 EXACT_IMU = ImuModel(attitude=EXACT, angular_velocity=EXACT, acceleration=EXACT)
 EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT, accuracy=EXACT)
@@ -41,7 +42,7 @@ def test_an_imu_off_the_axis_measures_the_turn() -> None:
 def test_specific_force_is_the_acceleration_of_the_sensors_position() -> None:
     """The specific force is the second difference of the sensor's position, in fast motion in a current."""
     vehicle, _ = load_vehicle("bluerov2_heavy")
-    dynamics = Dynamics(vehicle, 1025.0, 9.8, "rk4")
+    dynamics = RungeKutta(vehicle, 1025.0, 9.8)
     state, position, dt = State((0, 0, 50.0), from_euler(0.3, -0.2, 0.7), NU), (0.2, -0.1, 0.3), 0.001
 
     def world() -> list[float]:

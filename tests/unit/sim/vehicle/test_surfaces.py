@@ -154,7 +154,7 @@ def test_a_vehicle_without_thrust_comes_to_rest(name: str) -> None:
     vehicle = vehicle._replace(neutrally_buoyant=True, center_of_buoyancy=vehicle.center_of_gravity)
     vehicle = vehicle._replace(fins=tuple([fin._replace(straightening=1.0) for fin in vehicle.fins]))
     for speed in (1.5, -1.5):
-        simulation = Simulation(vehicle, SEA, dt_ns=5_000_000, position=DEEP, integrator="rk4")
+        simulation = Simulation(vehicle, SEA, dt_ns=5_000_000, position=DEEP)
         simulation.state.nu = [speed, 0.3, -0.2, 0.1, 0.05, -0.1]
         mass = Dynamics(vehicle, RHO, 9.8).mass
         idle = [1500] * len(vehicle.thrusters) + [1700] * len(vehicle.fins)

@@ -56,7 +56,7 @@ def test_the_terminal_speed_solves_its_equation() -> None:
 
 def settled_speed(vehicle: Vehicle, axis: int, wrench: Callable[[], Sequence[float]]) -> float:
     """Return the speed after 6 s under this wrench; the vehicle must not have left the axis."""
-    dynamics, state = Dynamics(vehicle, 1000.0, 9.80665, "rk4"), State((0.0, 0.0, 1e4))
+    dynamics, state = Dynamics(vehicle, 1000.0, 9.80665), State((0.0, 0.0, 1e4))
     for _ in range(300):
         dynamics.step(state, wrench(), (0.0, 0.0, 0.0), 0.02)
     assert all(abs(state.nu[i]) < 1e-3 for i in range(6) if i != axis)
