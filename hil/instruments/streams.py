@@ -38,12 +38,16 @@ class StreamInstrument(Instrument):
         self._readers: dict[Client, Reader] = {}
 
     @abstractmethod
-    def new_reader(self) -> Reader:
+    def new_reader(self, client: Client) -> Reader:
         """Return the reader of a client."""
 
     @abstractmethod
     def on_message(self, client: Client, message: Any, now_ns: int) -> None:
         """Carry out a message. Never raises."""
+
+    def connected(self, client: Client, now_ns: int) -> None:
+        """Take up a client."""
+        self._readers[client] = self.new_reader(client)
 
     def disconnected(self, client: Client, now_ns: int) -> None:
         """Forget a client."""
@@ -51,8 +55,6 @@ class StreamInstrument(Instrument):
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Hand on the messages that are complete."""
-        if client not in self._readers:
-            self._readers[client] = self.new_reader()
         reader = self._readers[client]
         for message in reader.read(data):
             self.on_message(client, message, now_ns)
@@ -64,6 +66,6 @@ class LineInstrument(StreamInstrument):
 
     longest = 256
 
-    def new_reader(self) -> Reader:
+    def new_reader(self, client: Client) -> Reader:
         """Return the reader of a client."""
         return Lines(self.longest)

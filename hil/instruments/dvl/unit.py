@@ -4,63 +4,106 @@ The rate falls with the altitude, up to the rate of the simulated sensor. Source
 (github.com/waterlinked/docs, docs/dvl), up to software 2.7.1. Not modelled: its web page; heat (bit 0 of the status).
 """
 
-from typing import Any
+import json
+from collections import deque
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
+from hil.common.errors import ConfigError
+from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.dvl.device import DvlDevice, DvlSettings, DvlWire
-from hil.instruments.dvl.json_lines import JsonWire
-from hil.instruments.dvl.pd import Pd4Wire, Pd6Wire
-from hil.instruments.dvl.report import RangeMode, Report, with_fix
-from hil.instruments.dvl.serial_lines import SerialWire
+from hil.instruments.dvl.formats import FORMATS, crc8, json_line, line, word
+from hil.instruments.dvl.report import Config, DeadReckoning, RangeMode, Report, with_fix
+from hil.instruments.streams import Lines, StreamInstrument
 from sim.rotations import multiply
 
 POSITION_NS = NS_PER_S // 5
 CYCLE_NS = 10 * NS_PER_S  # between two validations of the bottom, each of which costs a measurement
 IMU_STALE_NS = NS_PER_S
-FORMATS: dict[str, type[DvlWire]] = {"json": JsonWire, "pd6": Pd6Wire, "pd4": Pd4Wire, "serial": SerialWire}
+MOST_TRIGGERS = 15
+CALIBRATION_NS = 5 * NS_PER_S  # ours: "up to 15 s"
+LINE_VERSIONS = {"2.6.1": "2,6,0", "2.7.1": "2,7,0"}  # by the software
+CHIP = "0xf1440c09140b04"
+PAUSE_NS = 100 * NS_PER_MS  # ours: the device waits 10 ms for the next byte, an adapter on USB delivers later
+LONGEST_LINE = 257
+PROTOCOLS = {0: "", 1: "all lines", 2: "pd6", 3: "lines", 6: "pd4"}  # by the numbers of `wcp`
+# The options of `wcs` and `wrc`, in their order.
+OPTIONS = (
+    "speed_of_sound", "mounting_rotation_offset", "acoustic_enabled", "dark_mode_enabled", "range_mode",
+    "periodic_cycling_enabled",
+)  # fmt: skip
+FLAGS = {"y": True, "n": False}
 
 
-class Dvl(DvlDevice):
+class DvlSettings(NamedTuple):
+    """Settings of a DVL A50 or A125: its configuration when it is new, and its software.
+
+    `formats` are those of its TCP wires, in their order (default: JSON for all). `serial_protocol` is the number of
+    `wcp`: 0 nothing, 1 and 3 lines with and without the old sentences, 2 PD6, 6 PD4. What clients set outlives a loss
+    of power, but not the process.
+    """
+
+    speed_of_sound: Annotated[float, Range(1000.0, 2000.0, "m/s")] = 1500.0
+    mounting_rotation_offset: Annotated[float, Range(0.0, 360.0)] = 0.0
+    acoustic_enabled: bool = True
+    dark_mode_enabled: bool = False
+    range_mode: str = "auto"
+    periodic_cycling_enabled: bool = True
+    formats: tuple[Literal["json", "pd6", "pd4"], ...] = ()
+    serial_protocol: Annotated[int, Range(0, 6)] = 1
+    software: Literal["2.6.1", "2.7.1"] = "2.7.1"
+
+    def validate(self) -> str | None:
+        """Return why the range mode is invalid, or None."""
+        return Config(range_mode=self.range_mode).validate()
+
+
+class Dvl(StreamInstrument):
     """A Doppler velocity log, from its power on."""
 
+    Model = DvlSettings
     sensors = ("dvl",)
     wires = ("tcp", "serial", "pty")
     at = ("tcp:127.0.0.1:16171",)
     also = ("odom", "imu", "dvl_water")
     first = b"{ \t\r\n"  # of JSON: a web page that posts to the port is refused
     delay_s = 0.004  # typical latency of a message over TCP
-    most_m = 0.0
+    product, most_m = "", 0.0
 
     def __init__(self, settings: DvlSettings, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        self._clients: dict[Client, DvlWire] = {}
-        self._mode = RangeMode()
+        self._kept = facts.memory  # what outlives the power: the configuration, and the protocol on serial lines
+        self._kept.setdefault("config", Config(*[getattr(settings, key) for key in Config._fields]))
+        self._kept.setdefault("protocol", settings.serial_protocol)
+        self._read_ns: dict[Client, int] = {}
+        self._reckoning, self._mode = DeadReckoning(), RangeMode()
+        self._triggers = 0  # pings that wait
+        self._calibrations: deque[tuple[int, Callable[[], None]]] = deque()  # when they end, and what then
         self._due_ns = self._last_ns = self._cycle_ns = self._imu_ns = 0
         self._position_ns = NEVER_NS
-        self._attitude = self.orientation
+        self._attitude = self._orientation = (1.0, 0.0, 0.0, 0.0)  # of the vehicle and of the sensor's axes, NED
         self._depth = 0.0
+
+    @property
+    def _config(self) -> Config:
+        config: Config = self._kept["config"]
+        return config
 
     def start(self, now_ns: int) -> None:
         """Begin to ping."""
         self._position_ns, self._cycle_ns = now_ns, now_ns + CYCLE_NS
 
-    def connected(self, client: Client, now_ns: int) -> None:
-        """Take up a client in the format of its wire."""
-        chosen = "json" if client.kind == "tcp" else "serial"
-        if chosen == "json" and client.wire < len(self.settings.formats):
-            chosen = self.settings.formats[client.wire]
-        self._clients[client] = FORMATS[chosen](self, client)
+    def new_reader(self, client: Client) -> Lines:
+        """Return the reader of a client."""
+        return Lines(65_536 if client.kind == "tcp" else LONGEST_LINE)
 
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client."""
-        self._clients.pop(client, None)
-
-    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
-        """Take commands of a client."""
-        if client in self._clients:
-            self._clients[client].feed(data, now_ns)
+    def _format(self, client: Client) -> str:
+        formats = self.settings.formats
+        if client.kind == "tcp":
+            return str(formats[client.wire]) if client.wire < len(formats) else "json"
+        return PROTOCOLS.get(self._kept["protocol"], "lines")
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Take attitude and depth, and a sample of the ping's velocity when a ping is due."""
@@ -71,29 +114,38 @@ class Dvl(DvlDevice):
             self._depth = sample.position[2]
             if now_ns - self._imu_ns > IMU_STALE_NS:
                 self._attitude = sample.orientation
-        elif (topic == "dvl_water") == self.kept.config.is_water and self._is_due(stamped.sent_ns):
+        elif (topic == "dvl_water") == self._config.is_water and self._is_due(stamped.sent_ns):
             self._ping(sample, stamped.sent_ns, now_ns)
         if topic in ("imu", "odom"):
-            self.orientation = multiply(self._attitude, self.facts.mounting.quaternion)
-            self.reckoning.turn(self.orientation, self.kept.config.mounting_rotation_offset)
+            self._orientation = multiply(self._attitude, self.facts.mounting.quaternion)
+            self._reckoning.turn(self._orientation, self._config.mounting_rotation_offset)
 
     def tick(self, now_ns: int) -> int:
         """Send what is due: dead reckoning, answers of calibrations, refusals of incomplete lines."""
         if now_ns >= self._position_ns:
             self._position_ns = max(self._position_ns + POSITION_NS, now_ns)
-            for client, wire in self._clients.items():
-                if data := wire.position(now_ns):
-                    self.send(data, client)
-        while self.calibrations and self.calibrations[0][0] <= now_ns:
-            self.calibrations.popleft()[1]()
-        due_ns = min([wire.tick(now_ns) for wire in self._clients.values()], default=NEVER_NS)
-        return min(due_ns, self._position_ns, self.calibrations[0][0] if self.calibrations else NEVER_NS)
+            for client in self._readers:
+                encode = FORMATS.get(self._format(client), (None, None))[1]
+                if encode:
+                    self.send(encode(self._reckoning, self.settings.software, now_ns), client)
+        while self._calibrations and self._calibrations[0][0] <= now_ns:
+            self._calibrations.popleft()[1]()
+        due_ns = min(self._position_ns, self._calibrations[0][0] if self._calibrations else NEVER_NS)
+        for client, lines in self._readers.items():
+            if isinstance(lines, Lines) and lines.rest and client.kind != "tcp":
+                until_ns = self._read_ns[client] + PAUSE_NS
+                if now_ns >= until_ns or len(lines.rest) >= LONGEST_LINE:
+                    lines.rest = b""
+                    self._reply(client, "wr?")
+                else:
+                    due_ns = min(due_ns, until_ns)
+        return due_ns
 
     def _is_due(self, measured_ns: int) -> bool:
         """Return whether the device pings now: by its rate, or because a ping was triggered."""
-        config = self.kept.config
+        config = self._config
         if not config.acoustic_enabled:
-            is_triggered, self.triggers = self.triggers > 0, max(0, self.triggers - 1)
+            is_triggered, self._triggers = self._triggers > 0, max(0, self._triggers - 1)
             return is_triggered
         if measured_ns < self._due_ns - NS_PER_MS:
             return False
@@ -106,7 +158,7 @@ class Dvl(DvlDevice):
         return True
 
     def _ping(self, sample: Any, measured_ns: int, now_ns: int) -> None:
-        config, rate = self.kept.config, self._mode.rate(self.kept.config)
+        config, rate = self._config, self._mode.rate(self._config)
         altitude = sample.altitude if sample.locked and sample.altitude == sample.altitude else None
         has_lock = sample.locked
         if not config.is_water:
@@ -115,16 +167,125 @@ class Dvl(DvlDevice):
                 self._due_ns = measured_ns + round(NS_PER_S / self._mode.rate(config))
         since_ns = measured_ns - self._last_ns if self._last_ns else 0
         self._last_ns = measured_ns
-        report = Report(
-            since_ns / NS_PER_MS, validity_us=to_wall_ns(measured_ns) // NS_PER_US, is_water=config.is_water
-        )
+        validity_us = to_wall_ns(measured_ns) // NS_PER_US
+        report = Report(since_ns / NS_PER_MS, validity_us=validity_us, is_water=config.is_water)
         if has_lock:
             noise, speed = self.facts.model.velocity.noise, self.facts.sound_speed(self._depth)
-            report = with_fix(report, sample.velocity, altitude or -1.0, self.orientation, noise, config, speed)
-        self.reckoning.move(report, measured_ns)
-        for client, wire in self._clients.items():
-            if data := wire.report(report, now_ns):
+            report = with_fix(report, sample.velocity, altitude or -1.0, self._orientation, noise, config, speed)
+        self._reckoning.move(report, measured_ns)
+        for client in self._readers:
+            if chosen := self._format(client):
+                data = FORMATS[chosen][0](report, config, self.settings.software, now_ns)
                 self.send(data, client, measured_ns=measured_ns)
+
+    # --- commands
+
+    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
+        """Take commands of a client."""
+        self._read_ns[client] = now_ns
+        super().on_data(client, data, now_ns)
+
+    def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
+        """Execute one line, and respond; a client of PD4 or PD6 over TCP has no commands."""
+        if client.kind != "tcp":
+            self._reply(client, *self._answer(client, message, now_ns))
+        elif self._format(client) == "json" and message.strip():
+            self._take_json(client, message, now_ns)
+
+    def _reset_reckoning(self) -> None:
+        self._reckoning = DeadReckoning()
+        self._reckoning.turn(self._orientation, self._config.mounting_rotation_offset)
+
+    def _trigger(self) -> bool:
+        """Queue a ping; return False if the queue is full."""
+        is_free = self._triggers < MOST_TRIGGERS
+        self._triggers += is_free
+        return is_free
+
+    def _take_json(self, client: Client, message: bytes, now_ns: int) -> None:
+        try:
+            content = json.loads(message)
+            command, parameters = content["command"], content.get("parameters") or {}
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            command = parameters = None
+        if not isinstance(command, str) or not isinstance(parameters, dict):
+            self.malformed += 1
+            return
+
+        def respond(result: Any = None, error: str = "") -> None:
+            fields = {"response_to": command, "success": not error, "error_message": error, "result": result}
+            self.send(json_line("response", self.settings.software, fields), client)
+
+        if command == "calibrate_gyro":
+            self._calibrations.append((now_ns + CALIBRATION_NS, respond))
+            return
+        try:
+            respond(self._execute(command, parameters))
+        except ConfigError as error:
+            respond(error=str(error))
+
+    def _execute(self, command: str, parameters: dict[str, Any]) -> Any:
+        """Return the result of a command. Raises ConfigError, which says why it fails."""
+        if command == "get_config":
+            return self._config._asdict()
+        if command == "set_config":
+            self._kept["config"] = self._config.changed(parameters)
+        elif command == "reset_dead_reckoning":
+            self._reset_reckoning()
+        elif command != "trigger_ping":
+            raise ConfigError(f"unknown command {command[:40]}")
+        elif not self._trigger():
+            raise ConfigError("trigger queue is full")
+        return None
+
+    def _reply(self, client: Client, *words: object) -> None:
+        self.malformed += words in (("wr?",), ("wr!",))
+        if words:
+            self.send(line(*words), client)
+
+    def _answer(self, client: Client, text: bytes, now_ns: int) -> tuple[object, ...]:
+        """Execute one line of a serial port; return the words of the reply."""
+        command, mark, checksum = text.partition(b"*")
+        if mark and checksum.lower() != b"%02x" % crc8(command):
+            return ("wr!",)
+        match command.decode("ascii", "replace").split(","):
+            case ["wcv"]:
+                return "wrv", LINE_VERSIONS[self.settings.software]
+            case ["wcw"]:
+                return "wrw", self.product.lower().replace(" ", "-"), self.settings.software, CHIP
+            case ["wcc"]:
+                return "wrc", *[word(getattr(self._config, key)) for key in OPTIONS]
+            case ["wcs", *options] if 4 <= len(options) <= len(OPTIONS):
+                return (self._configure(options),)
+            case ["wcr"]:
+                self._reset_reckoning()
+                return ("wra",)
+            case ["wcx"]:
+                return ("wra" if self._trigger() else "wrn",)
+            case ["wcg"]:
+                self._calibrations.append((now_ns + CALIBRATION_NS, lambda: self._reply(client, "wra")))
+                return ()
+            case ["wcp", number]:
+                is_known = number in map(str, PROTOCOLS)
+                self._kept["protocol"] = int(number) if is_known else self._kept["protocol"]
+                return ("wra" if is_known else "wrn",)
+        return ("wr?",)
+
+    def _configure(self, words: list[str]) -> str:
+        """Set the options that are not blank; return the reply."""
+        try:
+            values = {key: _value(key, given) for key, given in zip(OPTIONS, words, strict=False) if given}
+        except (ValueError, KeyError):
+            return "wr?"
+        try:
+            self._kept["config"] = self._config.changed(values)
+        except ConfigError:
+            return "wrn"
+        return "wra"
+
+
+def _value(key: str, given: str) -> float | bool | str:
+    return given if key == "range_mode" else float(given) if key in OPTIONS[:2] else FLAGS[given]
 
 
 class A50(Dvl):

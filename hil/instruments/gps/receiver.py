@@ -49,7 +49,7 @@ class Receiver(StreamInstrument):
         if self._configuration.values[keys.OUT_NMEA]:
             self.send(nmea.sentence(nmea.GREETING))
 
-    def new_reader(self) -> Reader:
+    def new_reader(self, client: Client) -> Reader:
         """Return a reader of UBX messages; sentences and corrections are read over."""
         return ubx.Reader()
 

@@ -103,7 +103,7 @@ class PingDevice(StreamInstrument):
         super().disconnected(client, now_ns)
         self._hosts.pop(client, None)
 
-    def new_reader(self) -> Reader:
+    def new_reader(self, client: Client) -> Reader:
         """Return the reader of a client."""
         return Decoder()
 

@@ -95,6 +95,7 @@ class SeatracLink(LineInstrument):
 
     def connected(self, client: Client, now_ns: int) -> None:
         """Take up a client of one of the beacons."""
+        super().connected(client, now_ns)
         first = self._beacons[self.settings.end]
         self._clients[client] = self._other(first) if client.wire else first
 

@@ -12,11 +12,9 @@ from hypothesis import strategies as st
 
 from hil.common.clock import NS_PER_S
 from hil.instruments.contract import Client
-from hil.instruments.dvl.device import DvlSettings
-from hil.instruments.dvl.pd import encode_pd4, encode_pd6
+from hil.instruments.dvl.formats import crc8, encode_pd4, encode_pd6
 from hil.instruments.dvl.report import BEAMS, Config, Report, Transducer
-from hil.instruments.dvl.serial_lines import crc8
-from hil.instruments.dvl.unit import A50, A125
+from hil.instruments.dvl.unit import A50, A125, DvlSettings
 from sim.rotations import from_euler
 from sim.sensors.ranging.dvl import DvlModel
 from sim.sensors.samples import DvlSample, OdometrySample
