@@ -1,12 +1,15 @@
 """The configuration of a receiver: values by their keys, and the older messages that set the same values.
 
-Source: u-blox M9 SPG 4.04 interface description (UBX-21022436), chapters 3.10 and 5. A key's bits 28 to 30 are the size
-of its value. What lies in RAM is lost without power; what was also set in the battery-backed or the flash layer is not.
+A key's bits 28 to 30 are the size of its value. What lies in RAM is lost without power; what was also set in the
+battery-backed or the flash layer is not.
 """
 
 import struct
 from struct import pack, unpack, unpack_from
 
+from hil.instruments.layout import read_device
+
+DEVICE = read_device("ublox_m9")
 RAM, BACKUP, FLASH = 1, 2, 4
 MEASUREMENT_MS, NAVIGATION_RATE, _TIME_REFERENCE, BAUD = 0x30210001, 0x30210002, 0x20210003, 0x40520001
 _RATE_KEYS = (MEASUREMENT_MS, NAVIGATION_RATE, _TIME_REFERENCE)
@@ -19,33 +22,14 @@ _FASTEST_MS = 40  # 25 Hz
 _PORTS = 5  # I2C, UART1, UART2, USB, SPI: a message has one key each, in this order
 UART1 = 1
 NMEA = 0xF0
-
-# Class and number of a message -> the first of its five keys.
-RATES = {
-    (0x01, 0x02): 0x20910029, (0x01, 0x03): 0x2091001A, (0x01, 0x04): 0x20910038, (0x01, 0x07): 0x20910006,
-    (0x01, 0x12): 0x20910042, (0x01, 0x20): 0x20910047, (0x01, 0x35): 0x20910015, (0x01, 0x61): 0x2091015F,
-    (0x0A, 0x09): 0x209101B4, (0x0A, 0x0B): 0x209101B9,
-    (NMEA, 0x00): 0x209100BA, (NMEA, 0x01): 0x209100C9, (NMEA, 0x02): 0x209100BF, (NMEA, 0x03): 0x209100C4,
-    (NMEA, 0x04): 0x209100AB, (NMEA, 0x05): 0x209100B0, (NMEA, 0x07): 0x209100D3, (NMEA, 0x08): 0x209100D8,
-}  # fmt: skip
-# Groups of an M9's keys (bits 16 to 27), whose other values are kept without an effect: time pulse, navigation,
-# odometer, signals, ports, messages, hardware, power. There are none for a fixed base or for corrections.
-_KEPT = {0x05, 0x11, 0x22, 0x23, 0x24, 0x25, 0x31, 0x36, 0x37, 0x41, 0x51, 0x52, 0x53, 0x64, 0x65, *range(0x71, 0x7B)}
-_KEPT |= {0x91, 0x92, 0x93, 0xA2, 0xA3, 0xC7, 0xD0, 0xDE}
 _ENGINE, _SYSTEMS = 0x24, 0x3E
-# Messages of the class CFG that are kept without an effect, as delivered: SBAS, protocol, engine, time pulse, systems.
-_RECORDS = {
-    0x16: pack("<4BI", 1, 7, 3, 0, 0), 0x17: pack("<4B16x", 0, 0x4B, 0, 2),
-    _ENGINE: pack("<H2BiIbB4H2B12x", 0xFFFF, 0, 3, 0, 10_000, 5, 0, 250, 250, 100, 350, 0, 60),
-    0x31: pack("<BBHhhIIIIiI", 0, 1, 0, 50, 0, 1_000_000, 1_000_000, 0, 100_000, 0, 0xF7),
-    _SYSTEMS: pack("<4B4BI", 0, 42, 42, 1, 0, 8, 16, 0, 0x00010001),
-}  # fmt: skip
+
+RATES = {(int(name[:2], 16), int(name[2:], 16)): first for name, first in DEVICE["rates"].items()}
 
 
 def defaults() -> dict[int, int]:
     """Return all keys with their values as delivered: 1 Hz, the six common sentences, no binary message."""
-    values = {MEASUREMENT_MS: 1000, NAVIGATION_RATE: 1, _TIME_REFERENCE: 1, 0x20110021: 0, BAUD: 38_400}
-    values |= dict.fromkeys((*_TAKEN, *_GIVEN), 1) | {0x10740004: 0}
+    values: dict[int, int] = {int(key, 16): value for key, value in DEVICE["values"].items()}
     for (group, number), first in RATES.items():
         values |= {first + port: int(group == NMEA and number < 6) for port in range(_PORTS)}
     return values
@@ -66,11 +50,7 @@ class Configuration:
     def __init__(self, memory: dict[int, int]) -> None:
         self._memory = memory
         self.values = defaults() | memory
-        self._records = dict(_RECORDS)
-
-    def rate(self, group: int, number: int) -> int:
-        """Return in how many epochs a message is sent once; 0 for never."""
-        return self.values[RATES[group, number] + UART1]
+        self._records = {int(name, 16): bytes.fromhex(text) for name, text in DEVICE["records"].items()}
 
     def carry_out(self, number: int, payload: bytes) -> bytes | bool:
         """Carry out a message of the class CFG by its number."""
@@ -92,13 +72,14 @@ class Configuration:
 
     def _set(self, layers: int, pairs: dict[int, int]) -> bool:
         """Set values; none at all if one is of no known group or out of range."""
-        if any(key not in self.values and key >> 16 & 0xFFF not in _KEPT for key in pairs) or not layers & 7:
-            return False
-        if pairs.get(MEASUREMENT_MS, _FASTEST_MS) < _FASTEST_MS or pairs.get(NAVIGATION_RATE, 1) < 1:
-            return False
-        if not 4800 <= pairs.get(BAUD, 4800) <= 921_600:
-            return False
-        if any(value >> 8 * _size(key) for key, value in pairs.items()):
+        is_known = all(key in self.values or key >> 16 & 0xFFF in DEVICE["kept"]["groups"] for key in pairs)
+        is_right = (
+            pairs.get(MEASUREMENT_MS, _FASTEST_MS) >= _FASTEST_MS
+            and pairs.get(NAVIGATION_RATE, 1) >= 1
+            and 4800 <= pairs.get(BAUD, 4800) <= 921_600
+            and not any(value >> 8 * _size(key) for key, value in pairs.items())
+        )
+        if not (is_known and layers & 7 and is_right):
             return False
         if layers & RAM:
             self.values |= pairs
@@ -157,8 +138,8 @@ class Configuration:
         return len(payload) == 20 and self._set_port(*unpack_from("<IHH", payload, 8))
 
     def _set_port(self, baud: int, taken: int, given: int) -> bool:
-        pairs = {key: int(bool(taken & bit)) for key, bit in _TAKEN.items()}
-        pairs |= {key: int(bool(given & bit)) for key, bit in _GIVEN.items()}
+        halves = ((_TAKEN, taken), (_GIVEN, given))
+        pairs = {key: int(bool(mask & bit)) for keys, mask in halves for key, bit in keys.items()}
         return self._set(RAM, pairs | {BAUD: baud})
 
     def _record(self, number: int, payload: bytes) -> bytes | bool:

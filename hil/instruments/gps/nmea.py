@@ -1,31 +1,15 @@
-"""Sentences of NMEA 0183, version 4.11, with the fields and decimals of a u-blox M9.
-
-Source: u-blox M9 SPG 4.04 interface description (UBX-21022436), chapter 2. Fields without a value are empty.
-"""
+"""Sentences of NMEA 0183, version 4.11. Fields without a value are empty."""
 
 from math import sqrt
 
-from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch
+from hil.instruments.gps.configuration import DEVICE
+from hil.instruments.gps.sky import SPEED_ACCURACY, Epoch
 from hil.links.frame.checksums import SUMS
 
 _KNOT = 1852.0 / 3600.0  # m/s
 _IN_SENTENCE = 4  # satellites of one GSV
 _GSV = 0x03
-# The number of a sentence among UBX's messages of the class 0xF0 -> its fields. Most of GSV's follow.
-SENTENCES = {
-    0x00: "GNGGA,{clock},{place},{quality},{used},{horizontal},{heights},,",
-    0x01: "GNGLL,{place},{clock},{status},{mode}",
-    0x02: "GNGSA,A,{kind},{numbers},{position},{horizontal},{vertical},1",
-    _GSV: "GPGSV",
-    0x04: "GNRMC,{clock},{status},{place},{knots},{course},{date},,,{mode},V",
-    0x05: "GNVTG,{course},T,,M,{knots},N,{kilometres},K,{mode}",
-    0x07: "GNGST,{clock},,,,,{errors}",
-    0x08: "GNZDA,{clock},{day},00,00",
-}
-_WITHOUT_FIX = {
-    "place": ",,,", "heights": ",M,,M", "quality": "0", "kind": "1", "status": "V", "mode": "N", "knots": "",
-    "kilometres": "", "course": "", "errors": ",,",
-}  # fmt: skip
+SENTENCES: dict[int, str] = {int(number, 16): text for number, text in DEVICE["sentences"].items()}
 GREETING = "GNTXT,01,01,02,u-blox AG - www.u-blox.com"  # by which a receiver names itself after power on
 
 
@@ -52,7 +36,7 @@ def _fields(epoch: Epoch) -> dict[str, str]:
         "numbers": ",".join((used + [""] * 12)[:12]),
         **{name: f"{value:.2f}" for name, value in epoch.dilutions._asdict().items()},
     }
-    return fields | (_with_fix(epoch) if epoch.fix.fix else _WITHOUT_FIX)
+    return fields | (_with_fix(epoch) if epoch.fix.fix else DEVICE["without_fix"])
 
 
 def _with_fix(epoch: Epoch) -> dict[str, str]:

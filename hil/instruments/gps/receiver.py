@@ -9,7 +9,7 @@ from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Scene, Send
 from hil.instruments.gps import configuration as keys
 from hil.instruments.gps import nmea, ubx
-from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch, make_epoch
+from hil.instruments.gps.sky import SPEED_ACCURACY, Epoch, make_epoch
 from hil.instruments.streams import Reader, StreamInstrument
 from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
@@ -118,7 +118,7 @@ class Receiver(StreamInstrument):
             self.send(data, measured_ns=measured_ns)
 
     def _is_due(self, group: int, number: int) -> bool:
-        rate = self._configuration.rate(group, number)
+        rate = self._configuration.values[keys.RATES[group, number] + keys.UART1]
         return bool(rate) and self._epochs % rate == 0
 
     def _velocity(self, now_ns: int) -> Vector3:

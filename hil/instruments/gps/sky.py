@@ -1,17 +1,25 @@
-"""The satellites above a receiver, and how well they stand for a fix.
+"""What a receiver knows at one instant: its fix, the satellites above it, and how well they stand for that.
 
 The constellation is GPS's design of 24 satellites on six circular orbits (IS-GPS-200, table of the nominal
 constellation, with even spacing). So numbers, rising and setting and dilutions are typical, but not those of a day.
 """
 
 from collections.abc import Sequence
+from datetime import datetime, timezone
 from functools import lru_cache
 from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import NamedTuple
 
+from hil.common.clock import NS_PER_S
 from hil.common.vectors import Vector3
 from sim.geodesy import TangentPlane, geodetic
 from sim.matrices import inverse, product, transpose
+from sim.sensors.extra_samples import FixSample
+
+LEAP_SECONDS = 18  # GPS's time ahead of UTC since 2017
+GPS_EPOCH = 315_964_800  # 6 January 1980, s since 1970
+_WEEK = 604_800
+SPEED_ACCURACY = 0.05  # m/s; u-blox NEO-M9N (data sheet)
 
 ORBIT = 26_559_710.0  # m
 INCLINATION = radians(55.0)
@@ -84,3 +92,48 @@ def dilutions(used: Sequence[Satellite]) -> Dilutions:
     north, east, up, time = [covariance[i][i] for i in range(4)]
     squares = (north + east + up + time, north + east + up, time, up, north + east, north, east)
     return Dilutions(*[sqrt(value) for value in squares])
+
+
+class Epoch(NamedTuple):
+    """One solution. `time_ns` since 1970 (UTC); the place is that of `fix`, meaningless without one.
+
+    `separation` (m) is the geoid's height above the ellipsoid, `velocity` (m/s) north, east, down; 0 without a fix.
+    """
+
+    time_ns: int
+    fix: FixSample
+    separation: float
+    velocity: Vector3
+    satellites: tuple[Satellite, ...]
+    dilutions: Dilutions
+
+    @property
+    def time(self) -> datetime:
+        """UTC, to the microsecond."""
+        whole, rest = divmod(self.time_ns, NS_PER_S)
+        return datetime.fromtimestamp(whole, timezone.utc).replace(microsecond=rest // 1000)
+
+    @property
+    def week_and_ms(self) -> tuple[int, int]:
+        """GPS's week, and the time in it in ms."""
+        week, rest_ns = divmod(self.time_ns - (GPS_EPOCH - LEAP_SECONDS) * NS_PER_S, _WEEK * NS_PER_S)
+        return week, rest_ns // 1_000_000
+
+    @property
+    def speed(self) -> float:
+        """Speed over ground in m/s."""
+        return hypot(self.velocity[0], self.velocity[1])
+
+    @property
+    def course(self) -> float:
+        """Course over ground in degrees."""
+        return degrees(atan2(self.velocity[1], self.velocity[0])) % 360.0
+
+
+def make_epoch(fix: FixSample, separation: float, velocity: Vector3) -> Epoch:
+    """Return the epoch of a sample whose time is since 1970; without a fix no satellite is received."""
+    if not fix.fix:
+        return Epoch(fix.time_ns, fix, separation, (0.0, 0.0, 0.0), (), Dilutions())
+    period = int((fix.time_ns / NS_PER_S - GPS_EPOCH + LEAP_SECONDS) // PERIOD_S)
+    place = round(fix.latitude, 1), round(fix.longitude, 1)  # without the noise of the fix
+    return Epoch(fix.time_ns, fix, separation, velocity, *visible(*place, period))

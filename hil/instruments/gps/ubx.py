@@ -1,7 +1,6 @@
 """Frames and messages of u-blox's binary protocol, UBX.
 
-Source: u-blox M9 SPG 4.04 interface description (UBX-21022436), chapter 3. Little endian; times of week in ms, places
-in 1e-7 degrees and mm, speeds in mm/s.
+Little endian; times of week in ms, places in 1e-7 degrees and mm, speeds in mm/s.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -9,7 +8,8 @@ from math import hypot, sqrt
 from struct import pack
 from typing import Any
 
-from hil.instruments.gps.epoch import LEAP_SECONDS, SPEED_ACCURACY, Epoch
+from hil.instruments.gps.configuration import DEVICE
+from hil.instruments.gps.sky import LEAP_SECONDS, SPEED_ACCURACY, Epoch
 from hil.instruments.layout import pack_layout
 
 _SYNC = b"\xb5\x62"
@@ -118,19 +118,8 @@ QUANTITIES: dict[str, Callable[[Epoch], Sequence[Any]]] = {
     "pdop": lambda e: [round(e.dilutions.position * 100)],
     "dilutions": lambda e: [min(9999, round(value * 100)) for value in e.dilutions],
 }
-# Class and number of a message -> its payload; in the order in which they are sent.
-MESSAGES = {
-    (NAV, 0x02): "I:itow 4i2I:place",  # POSLLH
-    (NAV, 0x03): "I:itow B:fix_type B:fix_status 10x",  # STATUS; times since power on are not kept
-    (NAV, 0x04): "I:itow 7H:dilutions",  # DOP
-    (NAV, 0x07): "I:itow H5B:date B:time_valid I:time_accuracy i:nano B:fix_type B:fix_ok B:224 B:used 4i2I:place "
-    "3i:velocity i:speed i:course I:speed_accuracy I:course_accuracy H:pdop H:no_fix 12x",  # PVT
-    (NAV, 0x12): "I:itow 3i:velocity_cm 2I:speeds_cm i:course I:speed_accuracy_cm I:course_accuracy",  # VELNED
-    (NAV, 0x20): "I:itow i:sub_ms h:week b:leap B:7 I:time_accuracy",  # TIMEGPS
-    _SATELLITES: "I:itow B:1 B:used 2x",  # SAT; its blocks follow
-    (NAV, 0x61): "I:itow",  # EOE, the end of the epoch
-    (MON, 0x09): "16x H:90 H:4000 B:2 B:1 23x B:10 14x",  # HW: an antenna that is well, without jamming
-    (MON, 0x0B): "x B:128 x B:128 24x",  # HW2: gains and offsets of the two paths
+MESSAGES: dict[tuple[int, int], str] = {
+    (int(name[:2], 16), int(name[2:], 16)): layout for name, layout in DEVICE["messages"].items()
 }
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from hil.common.clock import NS_PER_S
 from hil.common.vectors import Quaternion, Vector3
-from hil.instruments.gps.epoch import GPS_EPOCH, LEAP_SECONDS, SPEED_ACCURACY, Epoch, make_epoch
+from hil.instruments.gps.sky import GPS_EPOCH, LEAP_SECONDS, SPEED_ACCURACY, Epoch, make_epoch
 from sim.geodesy import TangentPlane, earth_centred
 from sim.rotations import matrix, rotate, rotate_inverse, to_euler
 from sim.sensors.extra_samples import FixSample

@@ -8,7 +8,7 @@ from hil.common.plugins import load_object
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.gps.epoch import make_epoch
+from hil.instruments.gps.sky import make_epoch
 from hil.instruments.streams import LineInstrument
 from hil.instruments.vectornav.measurement import NO_EPOCH, Measurement
 from hil.instruments.vectornav.outputs import ASYNCHRONOUS, MEASURED, WITH_RECEIVER, checksum, parse_output, text_of
