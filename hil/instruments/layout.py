@@ -61,3 +61,12 @@ def pack_layout(layout: str, quantities: Mapping[str, Callable[[Of], Sequence[An
         values = quantities[name](of) if name in quantities else [int(name)] if name else ()
         data += struct.pack(f"<{form}", *values)
     return data
+
+
+def fits(value: Any, allowed: Any) -> bool:
+    """Return whether a value is "text", a "flag", one of some texts, or a finite number from least to most."""
+    if isinstance(allowed, str):
+        return isinstance(value, str if allowed == "text" else bool)
+    if isinstance(allowed[0], str):
+        return value in allowed
+    return isinstance(value, int | float) and not isinstance(value, bool) and allowed[0] <= value <= allowed[1]

@@ -20,8 +20,8 @@ INSTRUMENTS: dict[str, str] = {
     "vectornav_vn200": "hil.instruments.vectornav.unit:Vn200",
     "waterlinked_a50": "hil.instruments.dvl.unit:A50",
     "waterlinked_a125": "hil.instruments.dvl.unit:A125",
-    "waterlinked_sonar_3d": "hil.instruments.sonar_3d.sonar:Sonar3D",
-    "waterlinked_ugps": "hil.instruments.ugps.topside:Ugps",
+    "waterlinked_sonar_3d": "hil.instruments.sonar_3d:Sonar3D",
+    "waterlinked_ugps": "hil.instruments.ugps:Ugps",
 }
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.instruments.ugps.topside import Track, Ugps, UgpsSettings
+from hil.instruments.ugps import Track, Ugps, UgpsSettings
 from sim.geodesy import TangentPlane
 from sim.sensors.extra_samples import PositionSample
 from sim.sensors.usbl import UsblModel

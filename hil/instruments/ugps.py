@@ -1,13 +1,13 @@
 """Water Linked Underwater GPS G2: the topside computer, which tells by HTTP where the vehicle's locator is.
 
 Positions are in the acoustic frame: x ahead of the topside's housing, y to its right, z the depth below the surface.
-With the locator A1 the depth comes from the client, and there is no position without it. Source: the OpenAPI
-description and docs.waterlinked.com (reference frames, warnings, levels of signal and noise).
+With the locator A1 the depth comes from the client, and there is no position without it. Source: docs.waterlinked.com
+(reference frames, warnings, levels of signal and noise).
 """
 
 import json
 from collections.abc import Callable, Mapping
-from math import atan2, cos, degrees, hypot, log10, radians, sin, sqrt
+from math import atan2, cos, degrees, dist, hypot, log10, radians, sin, sqrt
 from typing import Annotated, Any, NamedTuple
 
 from hil.client.client import Stamped
@@ -15,7 +15,7 @@ from hil.common.clock import NS_PER_S
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from hil.instruments.contract import Facts, Instrument, Response, Scene, Send
-from hil.instruments.ugps import records
+from hil.instruments.layout import fits, read_device
 from sim.geodesy import TangentPlane
 from sim.sensors.extra_samples import PositionSample
 
@@ -24,6 +24,7 @@ _NOISE = -100.0  # dBm
 _LEVEL_AT_1M = -75.5  # dBm; 6 dB less for each doubling of distance, and -125 dBm, the weakest that works, at 300 m
 _ACCELERATION, _FORGET_S = 0.3, 60.0  # m/s² of the vehicle in the filter, and when that begins again; our choice
 _MANY = "+json; type=collection"
+_OF_MANY = "/poi", "/config/receivers"
 
 
 class UgpsSettings(NamedTuple):
@@ -76,6 +77,9 @@ class Ugps(Instrument):
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
+        device = read_device("ugps")
+        self._rules: dict[str, Any] = device["records"]
+        self._no_master: dict[str, Any] = device["no_master"]
         self._station: Vector3 = facts.model.station
         self._true_speed = facts.model.assumed_speed or facts.sound_speed(self._station[2])
         self._stored: dict[str, Any] = facts.memory.setdefault("records", {})
@@ -86,6 +90,11 @@ class Ugps(Instrument):
         self._sample: tuple[int, PositionSample] | None = None
         self._tracks = [Track() for _ in range(3)]
         self._patience_ns = max(2 * NS_PER_S, round(3e9 / facts.model.rate))
+
+    def _reset(self) -> Response:
+        self._stored.update(read_device("ugps")["first"], poi={})
+        self._stored["generic"] |= {"channel": self.settings.channel, "speed_of_sound": round(self._true_speed)}
+        return _DONE
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Take a position of the locator."""
@@ -100,24 +109,47 @@ class Ugps(Instrument):
         way = path.removeprefix("/api/v1").rstrip("/")
         if not path.startswith("/api/v1/"):
             return _NOT_FOUND
-        if way in records.STORED and method == "GET":
-            name, _, kind = records.STORED[way]
-            record = self._stored.get(name) or self._given.get(name, (0, None))[1]
-            return _answer(record, kind) if record else Response(b"", 204)
-        if way in records.STORED or way in records.GIVEN:
-            wanted = "POST" if way.startswith("/imu") else "PUT"
-            name, rule = (records.STORED.get(way) or records.GIVEN[way])[:2]
-            return self._take(name, rule, body, now_ns) if method == wanted else _NOT_FOUND
         family, _, number = way.rpartition("/")
-        if family in ("/poi", "/config/receivers"):
-            return self._one_of_many(family, method, number, body)
+        rule: Any = self._rules.get(family if family in _OF_MANY else way)
+        if family in _OF_MANY:
+            return self._one_of_many(rule, method, number, body)
         if (method, way) == ("POST", "/poi"):
-            return self._create_poi(body)
-        return self._answer_other(method, way, now_ns)
+            return self._create_poi(rule, body)
+        if rule and way not in _OF_MANY:
+            return self._one_record(rule, method, "POST" if way.startswith("/imu") else "PUT", body, now_ns)
+        answers: dict[str, Callable[[], Response]] = {
+            "GET /about": self._about,
+            "GET /about/status": self._status,
+            "GET /about/temperature": self._temperature,
+            "GET /about/led": Response,
+            "POST /about/factoryreset": self._reset,
+            "GET /position/acoustic/raw": lambda: self._acoustic(self._locate(now_ns), now_ns),
+            "GET /position/acoustic/filtered": lambda: self._acoustic(self._filtered(), now_ns),
+            "GET /position/global": self._global,
+            "GET /position/master": lambda: _answer(self._master(), "wl.satellite.position"),
+            "GET /imu/calibrate": lambda: _answer(
+                {"roll": 0, "pitch": 0, "yaw": self._heading(), "state": 0, "progress": 100}, "imu"
+            ),
+            "POST /imu/calibrate": Response,
+            "POST /imu/resetgyros": Response,
+            "GET /config/receivers": lambda: _answer(self._stored["receivers"], f"receiver{_MANY}"),
+            "GET /poi": lambda: _answer(list(self._stored["poi"].values()), f"poi{_MANY}"),
+            "GET /warnings": lambda: _answer(self._warnings(now_ns), f"wl.warning{_MANY}"),
+            "GET /status_report": lambda: self._report(now_ns),
+        }
+        return answers.get(f"{method} {way}", lambda: _NOT_FOUND)()
 
-    def _take(self, name: str, rule: records.Rule, body: bytes, now_ns: int) -> Response:
-        """Take a record; refuse one that breaks its rule."""
-        record = records.read(body, rule)
+    # --- records
+
+    def _one_record(self, rule: dict[str, Any], method: str, wanted: str, body: bytes, now_ns: int) -> Response:
+        """Return a record; or take one by the `wanted` method, and refuse one that breaks its rule."""
+        name = rule["name"]
+        if method == "GET" and "kind" in rule:
+            record = self._stored.get(name) or self._given.get(name, (0, None))[1]
+            return _answer(record, rule["kind"], missing=204)
+        if method != wanted:
+            return _NOT_FOUND
+        record = _read(body, rule)
         if isinstance(record, str):
             return _answer({"success": False, "error": record}, "operation_response", 400)
         if name in self._stored:
@@ -126,30 +158,36 @@ class Ugps(Instrument):
             self._given[name] = now_ns, record
         return _DONE
 
-    def _answer_other(self, method: str, way: str, now_ns: int) -> Response:
-        """Answer what is no record of a client's."""
-        answers: dict[tuple[str, str], Callable[[], Response]] = {
-            ("GET", "/about"): self._about,
-            ("GET", "/about/status"): self._status,
-            ("GET", "/about/temperature"): self._temperature,
-            ("GET", "/about/led"): lambda: Response(b""),
-            ("POST", "/about/factoryreset"): self._reset,
-            ("GET", "/position/acoustic/raw"): lambda: self._acoustic(self._locate(now_ns), now_ns),
-            ("GET", "/position/acoustic/filtered"): lambda: self._acoustic(self._filtered(), now_ns),
-            ("GET", "/position/global"): self._global,
-            ("GET", "/position/master"): lambda: _position(self._master()),
-            ("GET", "/imu/calibrate"): lambda: _answer(
-                {"roll": 0, "pitch": 0, "yaw": self._heading(), "state": 0, "progress": 100}, "imu"
-            ),
-            ("POST", "/imu/calibrate"): lambda: Response(b""),
-            ("POST", "/imu/resetgyros"): lambda: Response(b""),
-            ("GET", "/config/receivers"): lambda: _answer(self._stored["receivers"], f"receiver{_MANY}"),
-            ("GET", "/poi"): lambda: _answer(list(self._stored["poi"].values()), f"poi{_MANY}"),
-            ("GET", "/warnings"): lambda: _answer(self._warnings(now_ns), f"wl.warning{_MANY}"),
-            ("GET", "/status_report"): lambda: _answer(self._report(now_ns), f"wl.status.group{_MANY}"),
-        }
-        answer = answers.get((method, way))
-        return answer() if answer else _NOT_FOUND
+    def _create_poi(self, rule: dict[str, Any], body: bytes) -> Response:
+        record = _read(body, rule)
+        if isinstance(record, str):
+            return _refused(record)
+        points = self._stored["poi"]
+        number = max(points, default=0) + 1
+        points[number] = record | {"id": number}
+        return Response(json.dumps({"href": f"/poi/{number}"}).encode(), 201)
+
+    def _one_of_many(self, rule: dict[str, Any], method: str, number: str, body: bytes) -> Response:
+        """Answer about one point of interest or one receiver."""
+        is_point = rule["name"] == "poi"
+        stored = self._stored["poi"] if is_point else dict(enumerate(self._stored["receivers"]))
+        if not number.isdecimal() or int(number[:9]) not in stored:
+            return Response(b"", 404)
+        key = int(number[:9])
+        if method == "GET":
+            return _answer(stored[key], "poi" if is_point else "receivers")
+        if method == "DELETE" and is_point:
+            del stored[key]
+        elif method == ("PATCH" if is_point else "PUT"):
+            record = _read(body, rule, partial=True)
+            if isinstance(record, str):
+                return _refused(record)
+            stored[key].update(record | {"id": key})
+        else:
+            return Response(b"", 404)
+        return Response(b"", 204)
+
+    # --- what it tells of itself
 
     def _about(self) -> Response:
         version = self.settings.version
@@ -159,10 +197,6 @@ class Ugps(Instrument):
         }  # fmt: skip
         return _answer(about, "about")
 
-    def _reset(self) -> Response:
-        self._stored.update(records.first_records(self.settings.channel, round(self._true_speed)))
-        return _DONE
-
     def _status(self) -> Response:
         has_battery = self._stored["generic"]["locator_type"] in ("u1", "s2")
         battery = self.settings.battery if has_battery else -1
@@ -171,6 +205,30 @@ class Ugps(Instrument):
     def _temperature(self) -> Response:
         water = self._given["depth"][1]["temp"] if "depth" in self._given else self.settings.water_temperature
         return _answer({"board": self.settings.board_temperature, "water": water}, "temperature")
+
+    def _warnings(self, now_ns: int) -> list[dict[str, str]]:
+        """Return what an operator should know, in the device's sense."""
+        config = self._stored["generic"]
+        found = {
+            "external_depth": self._needs_depth() and self._given_depth(now_ns) is None,
+            "locator_signal": self._sample is None or config["channel"] != self.settings.channel
+            or now_ns - self._sample[0] > self._patience_ns,
+            "external_position": config["gps"] == "external" and "master" not in self._given,
+            "external_orientation": config["compass"] == "external" and "master" not in self._given,
+            "gps_lock": config["gps"] == "onboard" and self.facts.origin is None,
+        }  # fmt: skip
+        names = [name for name, is_so in found.items() if is_so]
+        return [{"id": name, "message": name.replace("_", " "), "severity": "warning"} for name in names]
+
+    def _report(self, now_ns: int) -> Response:
+        ids = [warning["id"] for warning in self._warnings(now_ns)]
+        group = {
+            "status_group": "Position", "status_group_id": "position", "status": "warning" if ids else "ok",
+            "message": ", ".join(ids), "error_ids": ids,
+        }  # fmt: skip
+        return _answer([group], f"wl.status.group{_MANY}")
+
+    # --- where the locator is
 
     def _heading(self) -> float:
         """Return the heading of the housing by its own compass (degrees), which a client may have set."""
@@ -234,19 +292,14 @@ class Ugps(Instrument):
         if position is None:
             return Response(b"", 404)
         is_valid = self._is_valid(position, now_ns)
-        distances = [
-            sqrt(sum((a - receiver[axis]) ** 2 for a, axis in zip(position, "xyz", strict=True)))
-            for receiver in self._stored["receivers"]
-        ]
-        return _answer(
-            {
-                "x": position[0], "y": position[1], "z": position[2], "std": self._deviation(),
-                "position_valid": is_valid, "receiver_distance": distances,
-                "receiver_rssi": [_LEVEL_AT_1M - 20.0 * log10(max(d, 0.1)) for d in distances],
-                "receiver_nsd": [_NOISE] * len(distances), "receiver_valid": [int(is_valid)] * len(distances),
-            },
-            "accoustic.position",  # as the device spells it
-        )  # fmt: skip
+        distances = [dist(position, [receiver[axis] for axis in "xyz"]) for receiver in self._stored["receivers"]]
+        found = {
+            "x": position[0], "y": position[1], "z": position[2], "std": self._deviation(),
+            "position_valid": is_valid, "receiver_distance": distances,
+            "receiver_rssi": [_LEVEL_AT_1M - 20.0 * log10(max(d, 0.1)) for d in distances],
+            "receiver_nsd": [_NOISE] * len(distances), "receiver_valid": [int(is_valid)] * len(distances),
+        }  # fmt: skip
+        return _answer(found, "accoustic.position")  # as the device spells it
 
     def _master(self) -> dict[str, Any] | None:
         """Return the topside's position and heading; None without one."""
@@ -268,84 +321,47 @@ class Ugps(Instrument):
             "onboard": self._heading(), "static": config["static_orientation"],
             "external": (external or {}).get("orientation"),
         }  # fmt: skip
-        return records.NO_MASTER | found | {"orientation": headings[config["compass"]]}
+        return self._no_master | found | {"orientation": headings[config["compass"]]}
 
     def _global(self) -> Response:
         master, position = self._master(), self._filtered()
         if master is None or position is None:
-            return _position(None)
+            return Response(b"", 503)
         heading = radians(master["orientation"])
         x, y, depth = position
         north, east = cos(heading) * x - sin(heading) * y, sin(heading) * x + cos(heading) * y
         latitude, longitude, _ = TangentPlane(master["lat"], master["lon"]).geodetic((north, east, depth))
-        return _position(master | {"lat": latitude, "lon": longitude} | self._given["orientation"][1])
-
-    def _warnings(self, now_ns: int) -> list[dict[str, str]]:
-        """Return what an operator should know, in the device's sense."""
-        config = self._stored["generic"]
-        found = {
-            "external_depth": self._needs_depth() and self._given_depth(now_ns) is None,
-            "locator_signal": self._sample is None or config["channel"] != self.settings.channel
-            or now_ns - self._sample[0] > self._patience_ns,
-            "external_position": config["gps"] == "external" and "master" not in self._given,
-            "external_orientation": config["compass"] == "external" and "master" not in self._given,
-            "gps_lock": config["gps"] == "onboard" and self.facts.origin is None,
-        }  # fmt: skip
-        return [
-            {"id": name, "message": name.replace("_", " "), "severity": "warning"}
-            for name, is_so in found.items()
-            if is_so
-        ]
-
-    def _report(self, now_ns: int) -> list[dict[str, Any]]:
-        ids = [warning["id"] for warning in self._warnings(now_ns)]
-        return [
-            {
-                "status_group": "Position", "status_group_id": "position", "status": "warning" if ids else "ok",
-                "message": ", ".join(ids), "error_ids": ids,
-            }
-        ]  # fmt: skip
-
-    def _create_poi(self, body: bytes) -> Response:
-        record = records.read(body, records.POI)
-        if isinstance(record, str):
-            return _refused(record)
-        points = self._stored["poi"]
-        number = max(points, default=0) + 1
-        points[number] = record | {"id": number}
-        return Response(json.dumps({"href": f"/poi/{number}"}).encode(), 201)
-
-    def _one_of_many(self, family: str, method: str, number: str, body: bytes) -> Response:
-        """Answer about one point of interest or one receiver."""
-        stored = self._stored["poi"] if family == "/poi" else dict(enumerate(self._stored["receivers"]))
-        if not number.isdecimal() or int(number[:9]) not in stored:
-            return Response(b"", 404)
-        key = int(number[:9])
-        if method == "GET":
-            return _answer(stored[key], family.rpartition("/")[2])
-        if method == "DELETE" and family == "/poi":
-            del stored[key]
-        elif method == ("PATCH" if family == "/poi" else "PUT"):
-            record = records.read(body, records.POI if family == "/poi" else records.RECEIVER, partial=True)
-            if isinstance(record, str):
-                return _refused(record)
-            stored[key].update(record | {"id": key})
-        else:
-            return Response(b"", 404)
-        return Response(b"", 204)
+        found = master | {"lat": latitude, "lon": longitude} | self._given["orientation"][1]
+        return _answer(found, "wl.satellite.position")
 
 
-def _answer(value: Any, kind: str, status: int = 200) -> Response:
+def _read(body: bytes, rule: dict[str, Any], *, partial: bool = False) -> dict[str, Any] | str:
+    """Return the record in `body` with its known fields; what is wrong with it, as text, if it breaks the rule."""
+    try:
+        given = json.loads(body)
+    except (ValueError, RecursionError):
+        return "body is no JSON"
+    if not isinstance(given, dict):
+        return "body is no JSON object"
+    fields = rule["fields"]
+    missing = [name for name in fields if name not in given and name not in rule.get("optional", ())]
+    if missing and not partial:
+        return f"missing required attributes: {', '.join(missing)}"
+    known = {name: value for name, value in given.items() if name in fields}
+    wrong = [name for name, value in known.items() if not fits(value, fields[name])]
+    return f"invalid value of {', '.join(wrong)}" if wrong else known
+
+
+def _answer(value: Any, kind: str, status: int = 200, missing: int = 503) -> Response:
+    """Return a value, or that there is none."""
+    if value is None:
+        return Response(b"", missing)
     suffix = "" if "+json" in kind else "+json"
     return Response(json.dumps(value).encode(), status, f"application/vnd.waterlinked.{kind}{suffix}")
 
 
 _DONE = _answer({"success": True}, "operation_response")
 _NOT_FOUND = Response(b"404 page not found\n", 404, "text/plain")
-
-
-def _position(position: dict[str, Any] | None) -> Response:
-    return Response(b"", 503) if position is None else _answer(position, "wl.satellite.position")
 
 
 def _refused(why: str) -> Response:

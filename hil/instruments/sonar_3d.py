@@ -1,21 +1,28 @@
 """Water Linked Sonar 3D-15: range and strength images, inertial samples, and all settings of its interface of HTTP.
 
-Source: docs.waterlinked.com (sonar-3d-15-api with swagger.json). It needs a wire of HTTP and one of UDP, from which it
-sends to where its settings say: a multicast group, one address, or nowhere.
+Packets are those of the Range Image Protocol, version 2: "RIP2", length, compressed protobuf message, CRC-32; source:
+the .proto file of github.com/waterlinked/wlsonar. Few fields are written, so they are packed here, without protobuf's
+library. The message stands in one literal of the Snappy format, which every reader of that takes, uncompressed; an
+image has at most 49 kB and fits in a datagram.
+
+It needs a wire of HTTP and one of UDP, from which it sends to where its settings say: a multicast group, one address,
+or nowhere.
 """
 
 import json
-from collections.abc import Mapping
+import struct
+from collections.abc import Iterable, Mapping
 from datetime import datetime, timezone
 from ipaddress import ip_address
 from math import pi
 from typing import Annotated, Any, NamedTuple
+from zlib import crc32
 
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_S, to_wall_ns
 from hil.common.schema import Range
 from hil.instruments.contract import Facts, Instrument, Response, Scene, Send, datagrams_to
-from hil.instruments.sonar_3d import packets
+from hil.instruments.layout import fits, read_device
 from sim.rotations import rotate_inverse
 from sim.sensors.imaging.range_image import RangeImageModel, RangeImager, RangeImageSample
 from sim.sensors.samples import ImuSample
@@ -28,15 +35,10 @@ _MODES = {  # images per s, field of view across (deg), frequency (Hz)
     "high-frequency": (20, 40.0, 2_400_000),
 }
 _HEIGHT_DEG = 40.0
-_REACH = 15.0
 _BATCH = 5  # inertial samples in a message; at 100 Hz the first is 50 ms old
 _TEMPERATURE_LIMIT = 60.0  # °C; our choice
-_FIRST = {
-    "acoustics/enabled": True, "acoustics/mode": "low-frequency", "acoustics/range": {"min": 0.0, "max": _REACH},
-    "acoustics/salinity": "salt", "acoustics/speed_of_sound": 1500.0, "output/imu-batch/enabled": False,
-    "udp": {"mode": "disabled", "unicast_destination_ip": "", "unicast_destination_port": 0},
-    "time/ntp": {"ntp_address": "auto"},
-}  # fmt: skip
+_PACKAGE = b"type.googleapis.com/waterlinked.sonar.protocol."
+_LITERAL = 61 << 2  # a literal whose length stands in the next two bytes
 
 
 class Sonar3DSettings(NamedTuple):
@@ -63,7 +65,9 @@ class Sonar3D(Instrument):
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        self._kept: dict[str, Any] = facts.memory.setdefault("settings", dict(_FIRST))
+        self._rules: dict[str, dict[str, Any]] = read_device("sonar_3d")
+        first = {name: rule["first"] for name, rule in self._rules.items()}
+        self._kept: dict[str, Any] = facts.memory.setdefault("settings", first)
         self._built: tuple[Any, ...] = ()
         self._imager: Any = None
         self._due_ns = self._ready_ns = NEVER_NS
@@ -86,7 +90,7 @@ class Sonar3D(Instrument):
             forces = [x for sample in self._inertial for x in rotate_inverse(self._rotation, sample.acceleration)]
             rates = [x for sample in self._inertial for x in rotate_inverse(self._rotation, sample.angular_velocity)]
             times = [sample.time_ns + self._offset_ns for sample in self._inertial]
-            self._emit(packets.imu_batch(self._batches, times, forces, rates), stamped.sent_ns)
+            self._emit(imu_batch(self._batches, times, forces, rates), stamped.sent_ns)
             self._batches += 1
             self._inertial.clear()
 
@@ -124,15 +128,15 @@ class Sonar3D(Instrument):
         import numpy as np
 
         height, width = sample.ranges.shape
-        shot = packets.Shot(
+        shot = Shot(
             to_wall_ns(now_ns) + self._offset_ns, self._sequence, speed, reach["max"], frequency, width, height, across,
             _HEIGHT_DEG,
         )  # fmt: skip
         self._sequence = (self._sequence + 1) & 0xFFFFFFFF
         ranges = np.clip(np.rint(sample.ranges * (scale / _SCALE)), 0, 0xFFFF)
         levels = 100.0 * np.log10(np.maximum(sample.strengths, 30.0) / 30.0)
-        strengths = packets.strength_image(shot, np.clip(levels, 0, 255).astype(np.uint8).tobytes())
-        self._packets = packets.range_image(shot, _SCALE, ranges), strengths
+        strengths = strength_image(shot, np.clip(levels, 0, 255).astype(np.uint8).tobytes())
+        self._packets = range_image(shot, _SCALE, ranges), strengths
         self._ready_ns = now_ns + round(2e9 * reach["max"] / speed)
 
     def _emit(self, packet: bytes, measured_ns: int) -> None:
@@ -146,59 +150,51 @@ class Sonar3D(Instrument):
     def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
         """Answer a request of HTTP."""
         name = path.removeprefix(_API)
-        if not path.startswith(_API):
-            return Response(b"404 page not found", 404, "text/plain")
+        value: Any = None
+        if method != "GET":
+            try:
+                value = json.loads(body)
+            except (ValueError, RecursionError):
+                return _BAD_REQUEST if path.startswith(_API) else _NOT_FOUND
+        if not path.startswith(_API) or method not in ("GET", "POST"):
+            return _NOT_FOUND
         if method == "GET":
-            return self._read(name, now_ns)
-        try:
-            value = json.loads(body)
-        except (ValueError, RecursionError):
-            return Response(b'{"error":"bad request"}', 400)
-        if method != "POST":
-            return Response(b"404 page not found", 404, "text/plain")
+            found = self._kept.get(name) if name in self._kept else self._status(name, now_ns)
+            return _NOT_FOUND if found is None else _answer(found)
         if name == "time/manual":
             return self._set_time(value, now_ns)
         if name == "time/ntp/force-sync":
             found = self.settings.synchronised
             message = "synchronized" if found else "no server of time answered"
-            return _answer({"success": found, "message": message, "status": self._time_status(now_ns)})
+            return _answer({"success": found, "message": message, "status": self._status("time/status", now_ns)})
         if name not in self._kept:
-            return Response(b"404 page not found", 404, "text/plain")
-        if not _is_allowed(name, value):
-            return Response(b'{"error":"bad request"}', 400)
+            return _NOT_FOUND
+        if not _is_allowed(value, self._rules[name]):
+            return _BAD_REQUEST
         self._kept[name] = value
         return Response(b"", 204)
 
-    def _read(self, name: str, now_ns: int) -> Response:
-        if name in self._kept:
-            return _answer(self._kept[name])
+    def _status(self, name: str, now_ns: int) -> Any:
+        """Return what it tells of itself by the name; None if there is no such."""
+        version, is_synced = self.settings.version, self.settings.synchronised
         if name == "about":
-            version = self.settings.version
-            return _answer(
-                {
-                    "chipid": f"0x{self.facts.seed:08x}", "hardware_revision": 6, "is_ready": True, "product_id": 21045,
-                    "product_name": "Sonar 3D-15", "variant": "", "version": f"{version} (simulated)",
-                    "version_short": version,
-                }
-            )  # fmt: skip
+            return {
+                "chipid": f"0x{self.facts.seed:08x}", "hardware_revision": 6, "is_ready": True, "product_id": 21045,
+                "product_name": "Sonar 3D-15", "variant": "", "version": f"{version} (simulated)",
+                "version_short": version,
+            }  # fmt: skip
         if name == "temperature":
-            return _answer(self.settings.temperature)
+            return self.settings.temperature
         if name == "status":
             is_cool = self.settings.temperature < _TEMPERATURE_LIMIT
-            return _answer(
-                {
-                    "api": _entry("api", True, "Integration API is operational."),
-                    "temperature": _entry("temperature", is_cool, "Temperature is normal." if is_cool else "Too hot."),
-                    "systems_check": _entry("systems-check", True, "Processing is operational."),
-                    "time": _entry("time", self.settings.synchronised, "Time synchronization."),
-                }
-            )
-        if name == "time/status":
-            return _answer(self._time_status(now_ns))
-        return Response(b"404 page not found", 404, "text/plain")
-
-    def _time_status(self, now_ns: int) -> dict[str, Any]:
-        is_synced = self.settings.synchronised
+            return {
+                "api": _entry("api", True, "Integration API is operational."),
+                "temperature": _entry("temperature", is_cool, "Temperature is normal." if is_cool else "Too hot."),
+                "systems_check": _entry("systems-check", True, "Processing is operational."),
+                "time": _entry("time", is_synced, "Time synchronization."),
+            }
+        if name != "time/status":
+            return None
         time = datetime.fromtimestamp((to_wall_ns(now_ns) + self._offset_ns) / NS_PER_S, timezone.utc)
         return {
             "system_time": time.isoformat(), "ntp_synced": is_synced,
@@ -211,42 +207,36 @@ class Sonar3D(Instrument):
         try:
             wanted = datetime.fromisoformat(str(value["now"]).replace("Z", "+00:00")).timestamp()
         except (ValueError, TypeError, KeyError, OverflowError, OSError):
-            return Response(b'{"error":"bad request"}', 400)
+            return _BAD_REQUEST
         if self.settings.synchronised:
             return Response(b'{"error":"already synchronized"}', 409)
         self._offset_ns = round(wanted * NS_PER_S) - to_wall_ns(now_ns)
         return Response(b"", 204)
 
 
-def _is_number(value: Any, low: float, high: float) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
-
-
-def _is_allowed(name: str, value: Any) -> bool:
-    """Return whether a setting may have a value; ranges are our choice."""
-    if name == "acoustics/speed_of_sound":
-        return _is_number(value, 1000.0, 2000.0)
-    first: Any = _FIRST[name]
-    if name in ("acoustics/mode", "acoustics/salinity"):
-        return isinstance(value, str) and value in (_MODES if first in _MODES else ("salt", "fresh"))
-    if isinstance(first, bool):
-        return isinstance(value, bool)
-    if not isinstance(value, dict) or value.keys() != first.keys():
+def _is_allowed(value: Any, rule: dict[str, Any]) -> bool:
+    """Return whether a setting may have a value."""
+    if "fits" in rule:
+        return fits(value, rule["fits"])
+    fields = rule["fields"]
+    if not isinstance(value, dict) or value.keys() != fields.keys():
         return False
-    if name == "acoustics/range":
-        near, far = value["min"], value["max"]
-        return _is_number(near, 0.0, _REACH) and _is_number(far, 0.1, _REACH) and near < far
-    if name == "time/ntp":
-        return isinstance(value["ntp_address"], str) and bool(value["ntp_address"])
-    address, port = value["unicast_destination_ip"], value["unicast_destination_port"]
-    is_unicast = value["mode"] == "unicast"
-    is_port = isinstance(port, int) and (1 if is_unicast else 0) <= port <= 65_535
-    return value["mode"] in ("multicast", "unicast", "disabled") and is_port and _is_address(address, not is_unicast)
-
-
-def _is_address(value: Any, may_be_empty: bool) -> bool:
+    if not all(fits(value[name], allowed) for name, allowed in fields.items()):
+        return False
+    if "min" in value:
+        return bool(value["min"] < value["max"])
+    if "ntp_address" in value:
+        return bool(value["ntp_address"])
+    address, port, is_unicast = (
+        *[value[f"unicast_destination_{part}"] for part in ("ip", "port")],
+        value["mode"] == "unicast",
+    )
     try:
-        return isinstance(value, str) and (bool(value and ip_address(value)) or (may_be_empty and not value))
+        return (
+            isinstance(port, int)
+            and bool((address and ip_address(address)) or not (address or is_unicast))
+            and port >= is_unicast
+        )
     except ValueError:
         return False
 
@@ -255,6 +245,88 @@ def _answer(value: Any) -> Response:
     return Response(json.dumps(value).encode())
 
 
+_BAD_REQUEST = Response(b'{"error":"bad request"}', 400)
+_NOT_FOUND = Response(b"404 page not found", 404, "text/plain")
+
+
 def _entry(name: str, is_good: bool, message: str) -> dict[str, Any]:
     status, end = ("ok", "normal") if is_good else ("warning", "abnormal")
     return {"id": f"{name}-{end}", "message": message, "operational": is_good, "status": status}
+
+
+class Shot(NamedTuple):
+    """What the messages of one image share: time (ns since 1970), number, settings, size and field of view (deg)."""
+
+    time_ns: int
+    sequence: int
+    speed_of_sound: float
+    reach: float
+    frequency: int
+    width: int
+    height: int
+    field_across: float
+    field_down: float
+
+    @property
+    def common(self) -> bytes:
+        """The first four fields of each message."""
+        header = _message((1, _timestamp(self.time_ns)), (2, self.sequence))
+        return _message((1, header), (2, float(self.speed_of_sound)), (3, float(self.reach)), (4, self.frequency))
+
+
+def range_image(shot: Shot, scale: float, pixels: Any) -> bytes:
+    """Return the packet of a range image; each of `pixels`, a numpy array, times `scale` is a distance in m."""
+    import numpy as np
+
+    value = np.asarray(pixels, np.uint16).ravel()
+    more, most = value > 0x7F, value > 0x3FFF
+    digits = np.stack([value & 0x7F | more << 7, value >> 7 & 0x7F | most << 7, value >> 14], axis=1).astype(np.uint8)
+    packed = digits[np.stack([np.ones_like(more), more, most], axis=1)].tobytes()
+    view = _message((5, shot.width), (6, shot.height), (7, shot.field_across), (8, shot.field_down))
+    return _packet(b"RangeImage", shot.common + view + _message((9, scale), (10, packed)))
+
+
+def strength_image(shot: Shot, pixels: bytes) -> bytes:
+    """Return the packet of the strengths of the echoes, a byte each: 100 log10(strength / 30)."""
+    view = _message((6, shot.width), (7, shot.height), (8, shot.field_across), (9, shot.field_down), (10, pixels))
+    return _packet(b"BitmapImageGreyscale8", shot.common + view)
+
+
+def imu_batch(sequence: int, times_ns: Iterable[int], forces: Iterable[float], rates: Iterable[float]) -> bytes:
+    """Return the packet of inertial samples: times, and three specific forces (m/s²) and rates (rad/s) of each."""
+    times = [(3, _timestamp(time_ns)) for time_ns in times_ns]
+    vectors = [(field, b"".join(struct.pack("<f", x) for x in values)) for field, values in ((4, forces), (5, rates))]
+    return _packet(b"ImuBatch", _message((1, sequence), (2, len(times)), *times, *vectors))
+
+
+def _packet(name: bytes, message: bytes) -> bytes:
+    body = _message((1, _message((1, _PACKAGE + name), (2, message))))
+    body = _varint(len(body)) + bytes((_LITERAL,)) + struct.pack("<H", len(body) - 1) + body
+    head = b"RIP2" + struct.pack("<I", len(body) + 12)
+    return head + body + struct.pack("<I", crc32(head + body))
+
+
+def _timestamp(time_ns: int) -> bytes:
+    seconds, rest = divmod(time_ns, NS_PER_S)
+    return _message((1, seconds), (2, rest))
+
+
+def _message(*fields: tuple[int, int | float | bytes]) -> bytes:
+    """Return the fields of a message of protobuf, each by its number, in the form of its value's type."""
+    data = b""
+    for number, value in fields:
+        if isinstance(value, float):
+            data += _varint(number << 3 | 5) + struct.pack("<f", value)
+        elif isinstance(value, bytes):
+            data += _varint(number << 3 | 2) + _varint(len(value)) + value
+        else:
+            data += _varint(number << 3) + _varint(value)
+    return data
+
+
+def _varint(value: int) -> bytes:
+    data = bytearray()
+    while value > 0x7F:
+        data.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes((*data, value))
