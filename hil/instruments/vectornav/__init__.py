@@ -1,4 +1,4 @@
 """VectorNav's inertial units at their wire: registers, ASCII lines and binary outputs.
 
-Public: `unit`, the instrument; also `measurement`, `outputs`. They must not know wires or the network.
+Public: `unit`, the instrument; also `outputs`. They must not know wires or the network.
 """

@@ -10,8 +10,7 @@ from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Scene, Send
 from hil.instruments.gps.sky import make_epoch
 from hil.instruments.streams import LineInstrument
-from hil.instruments.vectornav.measurement import NO_EPOCH, Measurement
-from hil.instruments.vectornav.outputs import ASYNCHRONOUS, MEASURED, WITH_RECEIVER, checksum, parse_output, text_of
+from hil.instruments.vectornav.outputs import DEVICE, MEASURED, NO_EPOCH, Measurement, checksum, parse_output, text_of
 from hil.instruments.vectornav.outputs import line as encode_line
 from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
@@ -27,20 +26,10 @@ _LARGEST_OUTPUT = 10  # parameters: ports, divisor, groups, and the fields of se
 # Disturbances that are known to the client, and the present rates as biases: for the filter, which is not simulated.
 _ACCEPTED = ("VNKMD", "VNKAD", "VNSGB")
 _IDENTITY = (1, 2, 3, 4)  # model, revision of the hardware, serial number, firmware
-_TAG, _BAUD, _KIND, _RATE, _PROTOCOL, _BINARY = 0, 5, 6, 7, 30, (75, 76, 77)
-# Registers of one port, with their values; the kinds of an output depend on the unit.
-_OF_PORT = {
-    _BAUD: {"9600", "19200", "38400", "57600", "115200", "128000", "230400", "460800", "921600"},
-    _KIND: set[str](),
-    _RATE: {"1", "2", "4", "5", "10", "20", "25", "40", "50", "100", "200"},
-}
-# Most are calibrations and filters, which are kept and returned, but which the simulated sensor does not follow.
-_FACTORY = {
-    _TAG: "", _RATE: "40", 21: "+1,+0,+1.8,+0,+0,-9.79375", 23: "1,0,0,0,1,0,0,0,1,0,0,0",
-    25: "1,0,0,0,1,0,0,0,1,0,0,0", 26: "1,0,0,0,1,0,0,0,1", _PROTOCOL: "0,0,0,0,1,0,1", 35: "1,1,1,1",
-    82: "0,0,0,0,0", 83: "0,0,0,0,1000,0.000,+00.00000000,+000.00000000,+00000.000",
-    84: "1,0,0,0,1,0,0,0,1,0,0,0", 85: "0,4,4,4,0,0,3,3,3,0", **dict.fromkeys(_BINARY, "0,0,00"),
-}  # fmt: skip
+_BAUD, _KIND, _RATE, _PROTOCOL, _BINARY = 5, 6, 7, 30, (75, 76, 77)
+_WITH_RECEIVER: list[int] = DEVICE["with_receiver"]
+_OF_PORT = {int(number): set(values) for number, values in DEVICE["of_port"].items()}  # of one port
+_KINDS: dict[str, tuple[str, int]] = DEVICE["asynchronous"]  # of asynchronous output: header and register
 
 
 class UnitSettings(NamedTuple):
@@ -80,7 +69,8 @@ class Vn100(LineInstrument):
 
     def _restart(self) -> None:
         identity = dict(zip(_IDENTITY, (self.model_number, "7", "0100011981", "2.1.0.0"), strict=True))
-        self._registers = _FACTORY | identity | {_KIND: self.default_kind, _BAUD: str(self.facts.baud)} | self._kept
+        factory = {int(number): text for number, text in DEVICE["factory"].items()}
+        self._registers = factory | identity | {_KIND: self.default_kind, _BAUD: str(self.facts.baud)} | self._kept
         self._is_paused = False
         self._due_ns = dict.fromkeys(self._registers, 0)
 
@@ -146,7 +136,7 @@ class Vn100(LineInstrument):
         if command == "VNWRG":
             return self._write(number, parameters[1:]) or ",".join((command, f"{number:02d}", *parameters[1:]))
         text = f",{self._registers[number]}" if number in self._registers else ""
-        if number in MEASURED and self._last and (self.has_receiver or number not in WITH_RECEIVER):
+        if number in MEASURED and self._last and self._has(number):
             text = text_of(number, self._last)
         return f"{command},{number:02d}{text}" if text else _BAD_REGISTER
 
@@ -168,10 +158,12 @@ class Vn100(LineInstrument):
         self._due_ns[_KIND if number in _OF_PORT else number] = 0
         return 0
 
+    def _has(self, number: int) -> bool:
+        return self.has_receiver or number not in _WITH_RECEIVER
+
     def _is_valid(self, number: int, parameters: list[str]) -> bool:
         if number in _OF_PORT:  # the second parameter is the port
-            kinds = [kind for kind, (_, of) in ASYNCHRONOUS.items() if self.has_receiver or of not in WITH_RECEIVER]
-            allowed = _OF_PORT[number] or {"0", *map(str, kinds)}
+            allowed = _OF_PORT[number] or {"0", *[kind for kind, (_, of) in _KINDS.items() if self._has(of)]}
             return parameters[0] in allowed and parameters[1:] in ([], ["1"], ["2"])
         if number in _BINARY:
             return parse_output(",".join(parameters)) is not None
@@ -185,10 +177,9 @@ class Vn100(LineInstrument):
         self._last = measurement = self._measure(sample, stamped.sent_ns, now_ns)
         if self._is_paused:
             return
-        kind, frequency = int(self._registers[_KIND]), int(self._registers[_RATE])
-        data = b""
-        if kind and self._is_due(_KIND, NS_PER_S // frequency, stamped.sent_ns):
-            header, number = ASYNCHRONOUS[kind]
+        kind, data = self._registers[_KIND], b""
+        if kind != "0" and self._is_due(_KIND, NS_PER_S // int(self._registers[_RATE]), stamped.sent_ns):
+            header, number = _KINDS[kind]
             data += encode_line(f"VN{header}{text_of(number, measurement)}", self._has_crc)
         for number in _BINARY:
             output = parse_output(self._registers[number])
