@@ -32,7 +32,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 
 CORE = ("board.c", "stream.c", "frame.c", "vesc.c", "firmware.c")
 MAVLINK, NO_MAVLINK = ("mavlink.c",), ("without_mavlink.c",)
-NATIVE = ("native/main.c", "native/pty.c")
+NATIVE = "native/main.c"
 STM32 = ("startup.c", "main.c", "clock.c", "parameters.c", "pwm.c", "uart.c")
 FAMILY = ("rcc.c", "pins.c")
 # chip -> its family, its core, whether it has CAN
@@ -81,7 +81,7 @@ def compile_core(target: str, sources: list[str], compiler: list[str], mavlink: 
 
 def compile_native(target: str, mavlink: bool) -> str:
     """Compile the firmware as a process into the program `target`; raises as `compile_core` does."""
-    return compile_core(target, [_source(name) for name in NATIVE], [*native_compiler(), "-O2"], mavlink)
+    return compile_core(target, [_source(NATIVE)], [*native_compiler(), "-O2"], mavlink)
 
 
 def compile_image(folder: str, chip: str, crystal: int | None = None) -> Image:

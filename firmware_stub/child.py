@@ -15,13 +15,15 @@ END_S = 5.0  # longest time between SIGTERM and its end; then it is killed
 class Child:
     """Process of `command`, ready when this returns; stop it with `close`. Its first line of output reports that.
 
-    command, environment: as for `hil.common.children.start_child`. It ends with this process, however that ends. Raises
-    DeviceError with the program's error message if it does not start.
+    command, environment: as for `hil.common.children.start_child`; stdin: its standard input. It ends with this
+    process, however that ends. Raises DeviceError with the program's error message if it does not start.
     """
 
-    def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, command: Sequence[str], environment: Mapping[str, str] | None = None, stdin: int | None = None
+    ) -> None:
         self._process: subprocess.Popen[str] = start_child(
-            command, environment=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            command, environment=environment, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         self.pid = self._process.pid
         output = _stream(self._process.stdout)

@@ -1,6 +1,7 @@
 """The STM32's firmware in C as a process of this machine on a pty. It is compiled once, then cached."""
 
 import os
+import tty
 from contextlib import suppress
 
 from firmware_stub import build, mavlink_headers
@@ -8,8 +9,10 @@ from firmware_stub.child import Child
 from hil.common.errors import DeviceError
 from hil.common.scratch import ScratchFolder
 from hil.common.tables import PROGRAM
+from hil.links.wires.pty_name import PtyName
 
 NAME = PROGRAM
+US_PER_S = 1_000_000
 MAX_PROGRAMS = 8  # in the cache, from different versions, compilers and checkouts
 FOLDERS = ("include", "src", "src/native")
 
@@ -58,8 +61,33 @@ class NativeStm32(Child):
     """
 
     def __init__(self, path: str, channels: int, watchdog: float) -> None:
-        self.path = path
-        super().__init__([build_native(), "--device", path, "--channels", str(channels), "--watchdog", f"{watchdog} s"])
+        program = build_native()
+        try:
+            master, slave = os.openpty()
+        except OSError as error:
+            raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
+        try:
+            os.set_blocking(master, False)
+            tty.setraw(slave)
+            self._name: PtyName | None = PtyName(path, os.ttyname(slave))
+            try:
+                super().__init__(
+                    [program, os.ttyname(slave), str(channels), str(round(watchdog * US_PER_S))], stdin=master
+                )
+            except BaseException:
+                self._name.remove()
+                raise
+        finally:  # the process has its own
+            os.close(master)
+            os.close(slave)
+
+    def close(self) -> str:
+        """Stop the process, with its outputs neutral, and remove its pty; return its final report."""
+        report = super().close()
+        if self._name:
+            self._name.remove()
+            self._name = None
+        return report
 
 
 def _fingerprint() -> str:

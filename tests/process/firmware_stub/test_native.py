@@ -22,7 +22,7 @@ from tests.support.processes import wait_for
 
 FULL = (1900, 1100, 1600, 1400, 1500, 1501)
 NEUTRAL = (1500,) * 6
-UNREAD_LIMIT = 2048  # bytes, of `pty.c`
+UNREAD_LIMIT = 2048  # bytes, of `native/main.c`
 
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
 
@@ -81,6 +81,12 @@ def test_a_signal_ends_it_with_neutral_outputs(stm32: NativeStm32, device: str, 
     link.close()
 
 
+def test_more_thrusters_than_it_has_are_refused(device: str) -> None:
+    with pytest.raises(DeviceError, match="1 to 16 channels"):
+        NativeStm32(device, 17, 0.2)
+    assert os.listdir(os.path.dirname(device)) == []
+
+
 def test_unread_telemetry_does_not_block_it(stm32: NativeStm32, device: str) -> None:
     """Bytes that are not read are lost, as on a UART: a program that opens the port later reads few old reports."""
     fd = os.open(device, os.O_RDWR | os.O_NOCTTY)
@@ -106,7 +112,6 @@ def test_unread_telemetry_does_not_block_it(stm32: NativeStm32, device: str) -> 
 def test_a_new_process_starts_after_a_kill(stm32: NativeStm32, device: str) -> None:
     os.kill(stm32.pid, signal.SIGKILL)
     stm32.close()
-    assert os.path.islink(device)
     second = NativeStm32(device, 2, 0.2)
     link = host(device)
     assert wait_telemetry(link, lambda report: True).pwm_us == (1500, 1500)
