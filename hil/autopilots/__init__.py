@@ -5,6 +5,6 @@ imports this package only when its scenario has an autopilot.
 
 Public: `hil.autopilots.opening.open_autopilot`, the interface in `hil.autopilots.contract`, and
 `hil.autopilots.run.AutopilotRun`, which runs a vehicle with its autopilot in one process; also `frames`, `link_test`,
-`motor_test`, `parameters`, `px4_files`. This package must not import the slave or the network: samples come in, pulse
-widths and reports to the user go out.
+`parameters`, `px4_files`. This package must not import the slave or the network: samples come in, pulse widths and
+reports to the user go out.
 """

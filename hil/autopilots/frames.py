@@ -70,6 +70,16 @@ class MotorMap:
                 pulses[channel] = width if sign > 0 else 2 * PWM_NEUTRAL_US - width
         return tuple(pulses)
 
+    def describe(self, vehicle: Vehicle) -> list[str]:
+        """Return a line for each motor: its thruster, and where it pushes with a pulse above neutral."""
+        columns = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
+        return [
+            f"motor {output + 1} ({vehicle.thrusters[channel].name}{', mirrored' if sign < 0 else ''}): "
+            + push_text([sign * share for share in columns[channel]])
+            for output, channel, sign in self.motors
+            if channel < len(columns)  # else a fin or a drop weight
+        ]
+
     def missing(self, outputs: Sequence[int]) -> list[int]:
         """Return the numbers (from 1) of the motors without output."""
         return [m.output + 1 for m in self.motors if m.output >= len(outputs) or not is_output(outputs[m.output])]

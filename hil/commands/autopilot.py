@@ -1,7 +1,6 @@
-"""`uuv-hil autopilot`: test motors and link of an autopilot, and print its parameters."""
+"""`uuv-hil autopilot`: print motors and parameters of an autopilot, and test its link."""
 
 from hil.autopilots.link_test import line_rate, measure_link
-from hil.autopilots.motor_test import test_motors
 from hil.autopilots.parameters import format_parameters, scenario_parameters
 from hil.autopilots.px4_files import encode_bson, format_for_qgroundcontrol
 from hil.common.clock import NS_PER_MS
@@ -11,8 +10,8 @@ from hil.scenario.config import AUTOPILOTS, Scenario, load_single
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 EXAMPLES = """\
-`motors` turns each motor alone in the simulation, and prints in which direction the vehicle moves. `link` exchanges
-states and outputs with the autopilot, thrusters neutral, and measures losses, round trip, jitter and rate.
+`motors` prints which thruster each motor of the frame is, and where it pushes the vehicle. `link` exchanges states and
+outputs with the autopilot, thrusters neutral, and measures losses, round trip, jitter and rate.
 `parameters` prints the parameters that the autopilot needs for this vehicle: for ArduSub a .parm file, for PX4 the
 .params file that QGroundControl loads. With -o FILE.bson it writes the file that `param import` of PX4 reads.
 
@@ -25,7 +24,7 @@ SLOW_MS = 10.0  # round trip beyond which an estimator of 250 Hz works with outd
 
 
 def main(arguments: list[str]) -> int:
-    """Test the motors or the link, or print the parameters; return the exit code."""
+    """Print motors or parameters, or test the link; return the exit code."""
     parser = new_parser("autopilot", __doc__, EXAMPLES)
     parser.add_argument(
         "what", choices=("motors", "link", "parameters"), metavar="ACTION", help="motors, link or parameters; see below"
@@ -43,26 +42,12 @@ def main(arguments: list[str]) -> int:
         )
     vehicle, _ = load_vehicle(scenario.vehicle)
     if options.what == "motors":
-        return _motors(scenario, vehicle)
+        motors, _ = scenario_parameters(scenario, vehicle)
+        print(f"{vehicle.name}, frame {motors.frame}", *motors.describe(vehicle), sep="\n  ")
+        return 0
     if options.what == "link":
         return _link(scenario, options.seconds)
     return _parameters(scenario, vehicle, options.output)
-
-
-def _motors(scenario: Scenario, vehicle: Vehicle) -> int:
-    motors, _ = scenario_parameters(scenario, vehicle)
-    print(f"{vehicle.name}, frame {motors.frame}: each motor at 1700 us for 0.25 s, from rest")
-    results = test_motors(scenario, vehicle, motors)
-    for result in results:
-        wires = ", mirrored" if result.mirrored else ""
-        verdict = "" if result.agrees else f"; WRONG: the frame expects {result.expected}"
-        print(f"  motor {result.number} ({result.thruster}{wires}): {result.push}{verdict}")
-    wrong = [str(result.number) for result in results if not result.agrees]
-    if wrong:
-        raise ConfigError(
-            f"{scenario.path}: autopilot: frame {motors.frame!r}: motors {', '.join(wrong)} push elsewhere"
-        )
-    return 0
 
 
 def _link(scenario: Scenario, seconds: float) -> int:

@@ -13,38 +13,25 @@ from hil.common.web.plain_server import PlainHandler, PlainHttpServer
 from hil.ros.diagnostics import Diagnostics as Health
 from hil.ros.diagnostics import Figure
 
-METRICS: dict[str, Figure[Any]] = {
-    "cpu_seconds_total": Health.cpu_s,
-    "pss_bytes": Health.pss_mib,
-    "loop_rate_hertz": Health.loop_rate_hz,
-    "loop_lateness_p50_seconds": Health.lateness_p50_us,
-    "loop_lateness_p99_seconds": Health.lateness_p99_us,
-    "loop_lateness_max_seconds": Health.lateness_max_us,
-    "loop_lateness_recent_p50_seconds": Health.lateness_recent_p50_us,
-    "loop_lateness_recent_p99_seconds": Health.lateness_recent_p99_us,
-    "loop_lateness_recent_max_seconds": Health.lateness_recent_max_us,
-    "loop_steps_skipped_total": Health.steps_skipped,
-    "real_time_factor": Health.real_time_factor,
-    "messages_sent_total": Health.messages_sent,
-    "commands_received_total": Health.commands_received,
-    "commands_stale_total": Health.commands_stale,
-    "commands_refused_total": Health.commands_refused,
-    "commands_malformed_total": Health.commands_malformed,
-    "commands_unanswered_total": Health.commands_unanswered,
-    "deadman_trips_total": Health.deadman_trips,
-    "watchdog_trips_total": Health.watchdog_trips,
-    "link_losses_total": Health.link_losses,
-    "link_checksum_errors_total": Health.link_checksum_errors,
-    "contacts_total": Health.contacts,
-    "run_events_total": Health.run_events,
-    "clock_offset_seconds": Health.clock_offset_ms,
-    "clock_uncertainty_seconds": Health.clock_uncertainty_ms,
-    "temperature_celsius": Health.temperature_c,
-    "load_1min": Health.load_1min,
-    "memory_available_bytes": Health.memory_available_mib,
-    "network_received_bytes_total": Health.network_received_bytes,
-    "network_sent_bytes_total": Health.network_sent_bytes,
-}
+FIGURES = (
+    "cpu_s", "pss_mib", "loop_rate_hz", "lateness_p50_us", "lateness_p99_us", "lateness_max_us",
+    "lateness_recent_p50_us", "lateness_recent_p99_us", "lateness_recent_max_us", "steps_skipped", "real_time_factor",
+    "messages_sent", "commands_received", "commands_stale", "commands_refused", "commands_malformed",
+    "commands_unanswered", "deadman_trips", "watchdog_trips", "link_losses", "link_checksum_errors", "contacts",
+    "run_events", "clock_offset_ms", "clock_uncertainty_ms", "temperature_c", "load_1min", "memory_available_mib",
+    "network_received_bytes", "network_sent_bytes",
+)  # fmt: skip
+BASE_UNITS = {"s": "seconds", "us": "seconds", "ms": "seconds", "mib": "bytes", "hz": "hertz", "c": "celsius"}
+
+
+def _metric_name(figure: Figure[Any]) -> str:
+    """Return the name of a figure with its base unit: cpu_seconds_total of cpu_s."""
+    stem, _, unit = figure.name.rpartition("_")
+    name = f"{stem}_{BASE_UNITS[unit]}" if unit in BASE_UNITS else figure.name
+    return f"{name}_total" if figure.is_counter else name
+
+
+METRICS: dict[str, Figure[Any]] = {_metric_name(figure): figure for figure in map(Health.FIGURES.__getitem__, FIGURES)}
 
 
 def exposition(statuses: Iterable[Status]) -> str:

@@ -73,13 +73,11 @@ class Commands:
             dialect.MAV_CMD_CONDITION_YAW: self._turn_to_heading,
             dialect.MAV_CMD_MISSION_START: self._start_mission,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: self._select_item,
-            dialect.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
             dialect.MAV_CMD_NAV_LAND: lambda _, now: core.set_mode(Mode.SURFACE),
             dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _, now: core.set_mode(Mode.POSHOLD),
             dialect.MAV_CMD_RUN_PREARM_CHECKS: self._check,
             dialect.MAV_CMD_DO_MOTOR_TEST: self._test_motor,
             **dict.fromkeys(calibration.COMMANDS, self._calibrate),
-            dialect.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
             dialect.MAV_CMD_PREFLIGHT_STORAGE: self._storage,
             dialect.MAV_CMD_DO_SET_SERVO: self._set_servo,
             dialect.MAV_CMD_DO_SET_RELAY: self._set_relay,
@@ -217,23 +215,6 @@ class Commands:
     def _select_item(self, request: CommandRequest, _: int) -> int:
         index = request.params[0]
         return ACCEPTED if isfinite(index) and self._core.flight.select(int(index)) else DENIED
-
-    def _pause(self, request: CommandRequest, now: int) -> int:
-        core = self._core
-        if request.params[0] == 1.0:
-            return REJECTED if core.flight.begin() else ACCEPTED
-        if request.params[0] != 0.0:
-            return DENIED
-        core.flight.pause()
-        if core.pilot.mode == Mode.GUIDED and core.snapshot:
-            core.pilot.hold_here(core.snapshot.state)
-        return ACCEPTED
-
-    def _terminate(self, request: CommandRequest, _: int) -> int:
-        if request.params[0] != 1.0:
-            return DENIED
-        self._core.disarm(everybody=True)
-        return ACCEPTED
 
     def _test_motor(self, request: CommandRequest, now: int) -> int:
         """Turn one motor of the armed vehicle for a moment, numbered from 0 as the frame's outputs are."""

@@ -62,7 +62,6 @@ class Core:
         self.origin: Origin | None = None
         self.plane: TangentPlane | None = None
         self._has_home = False
-        self._origin_is_given = False
         if origin:
             self.set_origin(origin)
         self.flight = MissionFlight(table, lambda: self.origin, lambda: self.home)
@@ -80,22 +79,15 @@ class Core:
         self._refusal = ""
         self._obstacle: tuple[str, int] = "", 0  # why the vehicle cannot be armed, and when that was reported (ns)
 
-    def set_origin(self, origin: Origin) -> bool:
-        """Set the origin of the NED frame on the earth; return whether it could still be set."""
-        if self._origin_is_given:
-            return False
-        self.origin = origin
-        self.plane = TangentPlane(origin.latitude, origin.longitude, origin.altitude)
-        self._origin_is_given = True
-        return True
-
-    def change_origin(self, origin: Origin | None) -> str:
-        """Set the origin that a ground station gives; return why it is not taken, "" if it is, or is the one set."""
+    def set_origin(self, origin: Origin | None) -> str:
+        """Set the origin of the NED frame on the earth, once; return why it is not taken, "" if it is the one set."""
         if origin is None:
             return "origin: no such place"
-        if self.origin and max(abs(a - b) for a, b in zip(origin, self.origin, strict=True)) < SAME_PLACE:
-            return ""
-        return "" if self.set_origin(origin) else "origin: not taken, as the world or an earlier message has set one"
+        if self.origin is None:
+            self.origin = origin
+            self.plane = TangentPlane(origin.latitude, origin.longitude, origin.altitude)
+        is_same = max(abs(a - b) for a, b in zip(origin, self.origin, strict=True)) < SAME_PLACE
+        return "" if is_same else "origin: not taken, as the world or an earlier message has set one"
 
     def set_home(self, position: Point) -> None:
         """Set home (m, NED)."""
@@ -132,14 +124,12 @@ class Core:
             self.port.arm()
             self._arming.append((now + ARMING_NS, settled))
 
-    def disarm(self, everybody: bool = False) -> None:
-        """Stop the thrusters; with `everybody` the slave then refuses all commands."""
+    def disarm(self) -> None:
+        """Stop the thrusters."""
         if self.pilot.armed:
             self.texts.append((6, "Disarmed"))
         self.pilot.disarm()
         self._urgent = True
-        if everybody:
-            self.port.disarm()
 
     def set_mode(self, number: float) -> int:
         """Set the mode with that number; return the MAV_RESULT."""

@@ -217,7 +217,7 @@ class Dispatcher:
         kind = "MAV_PROTOCOL_CAPABILITY_"
         texts = (
             "MISSION_INT", "COMMAND_INT", "PARAM_FLOAT", "FTP", "MAVLINK2", "SET_POSITION_TARGET_LOCAL_NED",
-            "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET", "FLIGHT_TERMINATION", "PARAM_ENCODE_C_CAST",
+            "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET", "PARAM_ENCODE_C_CAST",
         )  # fmt: skip
         capabilities = 0
         for word in texts:
@@ -358,7 +358,7 @@ class Dispatcher:
             core.expedite()
 
     def _set_origin(self, _: Peer, packet: Any, now: int) -> None:
-        reason = self.core.change_origin(commands.origin_of(packet))
+        reason = self.core.set_origin(commands.origin_of(packet))
         if reason:
             self.core.texts.append((4, reason))
             return

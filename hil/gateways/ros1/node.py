@@ -150,7 +150,6 @@ class Node:
     def _methods(self) -> dict[str, xmlrpc.Method]:
         """Return the slave API, http://wiki.ros.org/ROS/Slave_API; `_` is the caller's name."""
         return {
-            "getBusStats": lambda _: self._bus_stats(),
             "getBusInfo": lambda _: self._bus_info(),
             "getMasterUri": lambda _: self._master_uri,
             "getPid": lambda _: os.getpid(),
@@ -161,18 +160,6 @@ class Node:
             "requestTopic": self._request_topic,
             "shutdown": self._shutdown,
         }
-
-    def _bus_stats(self) -> list[Any]:
-        published = [
-            [
-                each.topic,
-                sum([one.sent_bytes for one in each.subscribers]),
-                [[number, one.sent_bytes, one.sent, True] for number, one in enumerate(each.subscribers)],
-            ]
-            for each in self.publications.values()
-        ]
-        subscribed = [[each.topic, [[0, each.received, each.refused, True]]] for each in self.subscriptions.values()]
-        return [published, subscribed, [0, 0, 0]]
 
     def _bus_info(self) -> list[Any]:
         out = [(one.caller, "o", each.topic) for each in self.publications.values() for one in each.subscribers]

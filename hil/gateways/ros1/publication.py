@@ -17,7 +17,7 @@ class Subscriber:
 
     def __init__(self, caller: str) -> None:
         self.caller = caller
-        self.sent = self.sent_bytes = self.dropped = 0
+        self.dropped = 0
         self._waiting: deque[bytes] = deque()
         self._bytes = 0
         self._wake = asyncio.Event()
@@ -41,8 +41,6 @@ class Subscriber:
                 self._bytes -= len(data)
                 writer.write(data)
                 await writer.drain()
-                self.sent += 1
-                self.sent_bytes += len(data)
 
 
 class Publication:

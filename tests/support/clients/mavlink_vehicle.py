@@ -99,9 +99,6 @@ class PointVehicle(NetworkVehicle):
     def arm(self) -> None:
         self.armed_calls.append(True)
 
-    def disarm(self) -> None:
-        self.armed_calls.append(False)
-
     def set_accessory(self, name: str, share: float) -> None:
         self.accessories[name] = share
 

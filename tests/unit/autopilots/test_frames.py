@@ -3,6 +3,7 @@
 import pytest
 
 from hil.autopilots.frames import CUSTOM, Motor, load_frame, map_motors, push_text
+from hil.cli import main
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_names
 from sim.vehicle.thrusters.bank import steady_thrust, wrench_matrix
@@ -108,3 +109,12 @@ def test_every_installed_frame_can_be_read() -> None:
 def test_the_text_of_a_wrench_names_its_directions() -> None:
     assert push_text((1.0, -1.0, 0.0, 0.0, 0.0, 0.2)) == "ahead, to the left, turn right"
     assert push_text((0.0,) * 6) == "nowhere"
+
+
+def test_the_command_prints_motors_and_parameters(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["autopilot", "motors", "ardusub"]) == 0
+    assert "motor 1 (front_right, mirrored): astern, to the right, turn right" in capsys.readouterr().out
+    assert main(["autopilot", "parameters", "ardusub"]) == 0
+    assert "FRAME_CONFIG 2\n" in capsys.readouterr().out
+    assert main(["autopilot", "motors", "paper_field"]) == 2
+    assert "no autopilot" in capsys.readouterr().err

@@ -9,7 +9,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.common.clock import NS_PER_S
 from hil.gateways.mavlink.flight.modes import Mode, mode_of
 from hil.gateways.mavlink.flight.sticks import CENTRED, Joystick, Sticks
-from hil.gateways.mavlink.flight.targets import Target
 from hil.gateways.mavlink.snapshot import Origin
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
@@ -97,9 +96,7 @@ COMMANDS: dict[str, tuple[int, tuple[float, ...], int]] = {  # command, paramete
     "speed": (178, (1, 0.5), ACCEPTED), "speed of zero": (178, (1, 0.0), DENIED),
     "speed beyond the parameter": (178, (1, 99.0), FAILED), "speed of no number": (178, (1, nan), DENIED),
     "item of no number": (224, (nan,), DENIED), "item that is not there": (224, (5,), DENIED),
-    "continue without a mission": (193, (1,), REJECTED), "pause": (193, (0,), ACCEPTED),
-    "pause by another number": (193, (0.5,), DENIED), "termination": (185, (1,), ACCEPTED),
-    "no termination": (185, (0.5,), DENIED), "home here": (179, (1,), ACCEPTED),
+    "pause": (193, (0,), UNSUPPORTED), "termination": (185, (1,), UNSUPPORTED), "home here": (179, (1,), ACCEPTED),
     "home of no number": (179, (0, 0, 0, 0, nan, 10.0, 0.0), DENIED),
     "home at a place": (179, (0, 0, 0, 0, 45.0001, 10.0, 0.0), ACCEPTED),
     "home too far away": (179, (0, 0, 0, 0, 55.0, 10.0, 0.0), DENIED),
@@ -121,7 +118,6 @@ def test_a_command_is_accepted_only_with_parameters_that_mean_something(name: st
     core = bench.core
     changed = {
         "land": core.pilot.mode == Mode.SURFACE, "loiter": core.pilot.mode == Mode.POSHOLD,
-        "termination": bench.vehicle.armed_calls == [False], "no termination": bench.vehicle.armed_calls == [],
         "home here": core.home == (4.0, 0.0, 0.0), "home at a place": core.home[0] == pytest.approx(11.1, abs=0.1),
         "relay": core.accessories.relays[0], "speed": core.table["WPNAV_SPEED"] == 0.5,
     }  # fmt: skip
@@ -143,20 +139,6 @@ def test_the_interval_of_no_message_is_that_of_message_0() -> None:
     for number in (nan, 2.0**24 + 6.0, -5.0):
         assert bench.partner.command(dialect.MAV_CMD_GET_MESSAGE_INTERVAL, number) == ACCEPTED
         assert bench.partner.take_messages("MESSAGE_INTERVAL")[0].message_id == 0
-
-
-def test_a_pause_in_guided_holds_where_the_vehicle_is() -> None:
-    bench = Bench()
-    bench.arm(Mode.GUIDED)
-    bench.core.pilot.set_target(Target((30.0, 0.0, 4.0)), bench.now)
-    bench.run(2.0)
-    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
-    there = bench.vehicle.north
-    bench.run(3.0)
-    assert bench.vehicle.north == pytest.approx(there, abs=0.3)
-    bench.vehicle.is_present = False
-    bench.run(0.1)
-    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED, "also without a vehicle"
 
 
 @pytest.mark.parametrize(("mask", "tilt", "remarks"), [(0, 0.2, 1), (1 << 7, 0.2, 0), (0, 0.015, 0), (0, -0.2, 1)])

@@ -338,10 +338,10 @@ def test_home_is_where_it_was_first_seen_and_the_origin_is_set_once() -> None:
     assert place == pytest.approx((30.0, 40.0, 0.0), abs=0.01)
     assert bench.core.origin.altitude == 7.0 + bench.vehicle.depth
     assert bench.core.home == (0.0, 0.0, 0.0)
-    assert not bench.core.set_origin(ORIGIN)
+    assert "not taken" in bench.core.set_origin(ORIGIN)
     near, other = (bench.core.origin._replace(altitude=bench.core.origin.altitude + off) for off in (5e-7, 5e-6))
-    assert (bench.core.change_origin(near), "not taken" in bench.core.change_origin(other)) == ("", True)
-    assert "no such place" in bench.core.change_origin(None)
+    assert (bench.core.set_origin(near), "not taken" in bench.core.set_origin(other)) == ("", True)
+    assert "no such place" in bench.core.set_origin(None)
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ class MissionFlight:
         return True
 
     def begin(self) -> str:
-        """Begin, resume, or begin again when it was complete; return why that cannot be, "" if it can."""
+        """Begin, go on, or begin again when it was complete; return why that cannot be, "" if it can."""
         if len(self._items) <= FIRST:
             return "there is no mission"
         if self.status == COMPLETE:
@@ -68,11 +68,6 @@ class MissionFlight:
         self.status = ACTIVE
         self._arrived_ns = self._stay = None
         return ""
-
-    def pause(self) -> None:
-        """Stay where the vehicle is until `begin`."""
-        if self.status == ACTIVE:
-            self.status, self._stay = PAUSED, None
 
     def step(self, state: State, now: int) -> Target | None:
         """Return where to go; a place to stay at once the mission is complete or paused."""

@@ -66,7 +66,6 @@ class FtpServer:
         self._folder = os.path.realpath(folder) if folder else ""
         self._parameters = parameters
         self._sessions: dict[tuple[Partner, int], _Session] = {}  # each client numbers its own, as ArduPilot lets it
-        self._last: dict[Partner, tuple[int, bytes]] = {}  # number of the last request, and its answer
 
     def handle(self, payload: bytes, partner: Partner) -> list[bytes]:
         """Return the payloads that answer one; nothing for what is no request."""
@@ -75,24 +74,17 @@ class FtpServer:
         if opcode in (0, ACK, NAK):
             return []
         request = _Request(sequence, session, opcode, size, offset, data[HEADER.size : HEADER.size + size])
-        known = self._last.get(partner)
-        if known and known[0] == sequence and opcode not in (BURST, READ):
-            return [known[1]]  # it has come twice: nothing is done twice
         try:
-            replies = list(self._answer(request, partner))
+            return list(self._answer(request, partner))
         except OSError:
-            replies = [_nak(request, FAIL)]
-        if len(self._last) > 4 * MAX_SESSIONS:
-            self._last.clear()
-        self._last[partner] = sequence, replies[0]
-        return replies
+            return [_nak(request, FAIL)]
 
     def _answer(self, request: _Request, partner: Partner) -> Iterator[bytes]:
         if request.size > MAX_DATA:
             yield _nak(request, BAD_SIZE)
         elif request.opcode == TERMINATE:
-            session = self._sessions.pop((partner, request.session), None)
-            yield _ack(request) if session else _nak(request, BAD_SESSION)
+            self._sessions.pop((partner, request.session), None)  # there is none if its answer was lost
+            yield _ack(request)
         elif request.opcode == RESET:
             self._sessions = {key: session for key, session in self._sessions.items() if key[0] != partner}
             yield _ack(request)
