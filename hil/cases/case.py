@@ -3,38 +3,32 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from pathlib import Path
 
 from hil.cases.record import Mode, Run
 from hil.cases.viewer import Viewer
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest
+from hil.common.tables import read_table
 
-# name -> its class, without arguments to it
-CASES = {
-    "path_planning": "hil.cases.path_planning:PathPlanning",
-    "path_planning_unknown": "hil.cases.path_planning:PathPlanningUnknown",
-    "task_scheduling": "hil.cases.task_scheduling:TaskScheduling",
-    "target_hunting": "hil.cases.target_hunting:TargetHunting",
-    "target_hunting_acoustic": "hil.cases.target_hunting:TargetHuntingAcoustic",
-    "target_hunting_diamond": "hil.cases.target_hunting:TargetHuntingDiamond",
-}
+CASES = read_table(str(Path(__file__).with_name("cases.toml")))
 
 
 class Case(ABC):
     """One experiment.
 
-    `scenario`: a preset. `title`: a headline. `paper`: what the paper shows. `method`: how this project does it, if
-    that needs explanation. `criterion`: of success. `show` is called with the progress as text. `viewer`: live view.
+    `scenario`: a preset. `about`: for the report, a headline as `title`; what the `paper` shows; the `method` of this
+    project, if that needs explanation; the `criterion` of success. `show` is called with the progress as text.
+    `viewer`: live view.
     """
 
-    name: str
-    scenario: str
-    title: str
-    paper: str
-    criterion: str
-    method: str = ""
     show: Callable[[str], None] = staticmethod(lambda text: None)
     viewer: Viewer = Viewer()
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.about: dict[str, str] = CASES[name]
+        self.scenario = self.about["scenario"]
 
     @abstractmethod
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
@@ -54,6 +48,6 @@ def find_case(name: str) -> Case:
     """Return the case of that name. Raises ConfigError, which lists all cases."""
     if name not in CASES:
         raise ConfigError(f"no case {name!r}{nearest(name, list(CASES))}; there are: {', '.join(CASES)}")
-    module, _, attribute = CASES[name].partition(":")
-    case: Case = getattr(import_module(module), attribute)()
+    module, _, attribute = CASES[name]["class"].partition(":")
+    case: Case = getattr(import_module(module), attribute)(name)
     return case

@@ -7,8 +7,7 @@ from random import Random
 from typing import Any
 
 from hil.autonomy.paths.occupancy import Point
-from hil.cases.record import Run
-from hil.cases.single import SingleCase, random_start, shortest
+from hil.cases.single import SingleCase
 from hil.common.errors import ConfigError
 from hil.master.flight import Plan, prepare
 from hil.master.planner import Planner
@@ -23,56 +22,20 @@ CLEAR_M = 3.0  # least distance between a pile and start or goal
 
 
 class PathPlanning(SingleCase):
-    """Path planning with every obstacle on the map."""
+    """Path planning with every obstacle on the map. Seeds vary the start, and the heading up to 60 degrees."""
 
-    name = "path_planning"
-    scenario = "path_planning"
-    title = "Path planning with a map"
-    paper = (
-        "Figures 8 and 9: the vehicle crosses a field of 50 m x 50 m with obstacles, from (0, 0) to (50, 50). A* plans "
-        "on the map, VFH avoids what the laser sees, and the speed depends on the free space."
-    )
-    criterion = (
-        "Within 5 min the vehicle is within 0.5 m of the goal by its own navigation. It never came nearer to an "
-        "obstacle than its radius"
-    )
+    headings = pi / 4.0, pi / 3.0
 
-    def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """Return a random start up to 1 m from the origin, and a heading up to 60 degrees off; nothing for seed 1."""
-        if seed == 1:
-            return {}, {}
-        return random_start(f"path_planning/{seed}", pi / 4.0, pi / 3.0), {}
-
-    def optimum(self, scenario: Scenario, plan: Plan) -> float:
-        """Return the length (m) of the shortest path from start to goal around all obstacles, on the map or not."""
-        start, goal = (scenario.start.north, scenario.start.east), scenario.master.goal or (0.0, 0.0)
-        return shortest(plan.world, plan.request.vehicle, scenario.master.depth, (start, goal))
-
-    def draw(self, runs: Sequence[Run], path: str) -> None:
-        """Draw figure 8, the tracks on the map, and figure 9, speed over time."""
-        from hil.cases.pictures import draw_field
-
-        draw_field(self.title, runs, path)
+    def routes(self, scenario: Scenario, plan: Plan) -> list[list[Point]]:
+        """Return the goal as the only place."""
+        return [[scenario.master.goal or (0.0, 0.0)]]
 
 
 class PathPlanningUnknown(PathPlanning):
-    """Path planning with piles on the path that are not on the map."""
-
-    name = "path_planning_unknown"
-    title = "Path planning past obstacles that the map lacks"
-    method = (
-        "The laser sees the piles and adds them to the map. The rest of the path is planned again. Meanwhile VFH+ "
-        "adjusts heading and speed.\n\n"
-        "A pile in the middle of the path can be passed on either side, and centimetres of noise decide which. So two "
-        "paths can separate at a pile and meet again behind it"
-    )
-    paper = (
-        "No figure of its own: the paper names VFH for obstacles that are not on the map. Here five such piles stand "
-        "on and beside the path that A* found. Each seed has its own piles."
-    )
+    """Path planning with piles on the path that are not on the map, for each seed a new set."""
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """Return the changes of `PathPlanning.vary`, and a new set of piles for each seed."""
+        """Return the changes of `SingleCase.vary`, and the piles."""
         changes, _ = super().vary(seed)
         scenario = load_scenario(self.scenario, dict(changes))
         plan = prepare(scenario)

@@ -1,10 +1,9 @@
-"""Draw the figures of a case, and the spread over many seeds."""
+"""Draw the figure of a case of one vehicle."""
 
-from collections.abc import Callable, Sequence
-from math import isfinite
+from collections.abc import Sequence
 from typing import Any
 
-from hil.cases.record import Result, Run
+from hil.cases.record import Run
 from hil.common.palette import GOAL, NAVIGATION, PATH, TRACK
 from hil.plots.plotting import add_legend, finish_map, pyplot, save_figure
 from hil.plots.run_picture import draw_goal, draw_start, draw_world
@@ -12,12 +11,6 @@ from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import load_world
 
 COLOURS = {"sil": TRACK, "hil": NAVIGATION}
-SPREAD: tuple[tuple[str, Callable[[Result], float]], ...] = (
-    ("path over optimum", lambda r: r.ratio),
-    ("least clearance (m)", lambda r: r.least_clearance),
-    ("time (s)", lambda r: r.duration),
-    ("energy (kJ)", lambda r: r.energy / 1e3),
-)
 
 
 def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
@@ -64,24 +57,3 @@ def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
             axes.plot(track.time, track.surge, color=colour, label=name)
     axes.set(xlabel="time (s)", ylabel="surge (m/s)", xlim=(0, None), title="surge velocity")
     add_legend(axes)
-
-
-def draw_seeds(title: str, results: Sequence[Result], path: str) -> None:
-    """Draw four results of every flight, as a dot each, with SIL and HIL in one panel. Raises MissingExtraError."""
-    plt = pyplot()
-    figure, panels = plt.subplots(1, len(SPREAD), figsize=(13, 3.2), layout="constrained")
-    good = sum(result.success for result in results)
-    figure.suptitle(f"{title}: {good} of {len(results)} flights succeed")
-    for axes, (name, value) in zip(panels, SPREAD, strict=True):
-        for mode, colour in COLOURS.items():
-            dots = [(r.seed, value(r)) for r in results if r.mode == mode and isfinite(value(r))]
-            if dots:
-                seeds, values = zip(*dots, strict=True)
-                axes.plot(seeds, values, "o" if mode == "sil" else "x", color=colour, markersize=4, label=mode.upper())
-        failed = [(r.seed, value(r)) for r in results if not r.success and isfinite(value(r))]
-        for seed, at in failed:
-            axes.plot(seed, at, "o", color="k", fillstyle="none", markersize=9)
-        axes.set(xlabel="seed", title=name)
-        axes.title.set_fontsize("medium")
-    add_legend(panels[-1])
-    save_figure(figure, path)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 from hil.cases import fidelity, table
 from hil.cases.case import Case, find_case
-from hil.cases.pictures import draw_seeds
 from hil.cases.record import Result, Run
 from hil.common.tables import save_text
 from hil.master.recorder import make_folder
@@ -14,7 +13,7 @@ Flights = dict[str, list[Run]]  # by case
 
 
 def write_report(path: str, flights: Flights, pictures: str, head: str = "# Cases\n") -> list[str]:
-    """Write the report to `path` and its pictures to the folder `pictures`; return the files written.
+    """Write the report to `path` and a picture of each case to the folder `pictures`; return the files written.
 
     Raises ConfigError, MissingExtraError.
     """
@@ -25,22 +24,20 @@ def write_report(path: str, flights: Flights, pictures: str, head: str = "# Case
     picture_folder = os.path.relpath(pictures, os.path.dirname(path) or ".")
     for name, runs in flights.items():
         case = find_case(name)
-        figure, seeds = (os.path.join(pictures, f"{name}{end}.png") for end in ("", "_seeds"))
+        figure = os.path.join(pictures, f"{name}.png")
         case.draw(_pair(runs) or runs[:1], figure)
         files.append(figure)
-        parts += [*_about(case, runs), f"![{case.title}]({os.path.join(picture_folder, os.path.basename(figure))})"]
-        if len(runs) > 2:
-            draw_seeds(case.title, [run.result for run in runs], seeds)
-            files.append(seeds)
-            parts.append(f"![The flights of all seeds]({os.path.join(picture_folder, os.path.basename(seeds))})")
+        picture = os.path.join(picture_folder, os.path.basename(figure))
+        parts += [*_about(case, runs), f"![{case.about['title']}]({picture})"]
     save_text(path, "\n\n".join(part.strip("\n") for part in parts) + "\n")
     return files
 
 
 def _about(case: Case, runs: Sequence[Run]) -> list[str]:
-    parts = [f"## {case.title}", f"**The paper.** {case.paper}", f"**Criterion of success.** {case.criterion}."]
-    if case.method:
-        parts.insert(2, f"**This project.** {case.method}.")
+    about = case.about
+    parts = [f"## {about['title']}", f"**The paper.** {about['paper']}"]
+    parts += [f"**This project.** {about['method']}."] if "method" in about else []
+    parts.append(f"**Criterion of success.** {about['criterion']}.")
     extra = _extra([run.result for run in runs])
     if extra:
         parts += ["**Figures of this case**, over all its flights:", table.markdown(extra)]

@@ -5,9 +5,9 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from math import hypot, nan
+from math import hypot
 from random import Random
-from typing import Any, NamedTuple
+from typing import Any
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.autonomy.paths.any_angle import plan_any_angle
@@ -18,7 +18,6 @@ from hil.cases.energy import EnergyMeter
 from hil.cases.process_group import ProcessGroup
 from hil.cases.record import Mode, Result, Run, read_track
 from hil.cases.simulated import SimulatedVehicle, fly, progress_watch
-from hil.cases.viewer import Viewer
 from hil.client.client import VehicleClient
 from hil.client.delay import quantiles
 from hil.common.errors import NetworkError
@@ -42,39 +41,35 @@ READY_S = 20.0  # until the slave has sent samples and diagnostics
 WAIT_STEP_S = 0.02
 
 
-def random_start(seed: str, heading: float, max_turn: float) -> dict[str, float]:
-    """Return a start up to 1 m north and east of the origin, its heading (rad) within `max_turn` rad of `heading`."""
-    random = Random(seed)
-    return {
-        "start.north": random.uniform(-START_SPREAD_M, START_SPREAD_M),
-        "start.east": random.uniform(-START_SPREAD_M, START_SPREAD_M),
-        "start.heading": heading + random.uniform(-max_turn, max_turn),
-    }
-
-
-class Measured(NamedTuple):
-    """Measured values of a flight: outcome, energy (J), CPU (share of a core), delays (ms)."""
-
-    outcome: Outcome
-    energy: float
-    master_cpu: float = nan
-    delay_p50: float = nan
-    delay_p99: float = nan
-
-
 class SingleCase(Case):
-    """Base of cases of one vehicle. Derived classes define what varies with the seed, and the shortest path."""
+    """Base of cases of one vehicle. Derived classes define what varies with the seed, and the places to visit."""
 
-    @abstractmethod
+    headings = 0.0, 0.0
+
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
         """Return the changes of a seed: values by key of the scenario, and obstacles by kind to add to its world.
 
-        Both are empty for seed 1.
+        They are a start up to 1 m from the origin, with a heading (rad) about the first of `headings`, by up to the
+        second; nothing for seed 1.
         """
+        if seed == 1:
+            return {}, {}
+        random, (heading, max_turn) = Random(f"{self.scenario}/{seed}"), self.headings
+        return {
+            "start.north": random.uniform(-START_SPREAD_M, START_SPREAD_M),
+            "start.east": random.uniform(-START_SPREAD_M, START_SPREAD_M),
+            "start.heading": heading + random.uniform(-max_turn, max_turn),
+        }, {}
 
     @abstractmethod
-    def optimum(self, scenario: Scenario, plan: Plan) -> float:
-        """Return the length (m) of the shortest path that fulfils the case."""
+    def routes(self, scenario: Scenario, plan: Plan) -> list[list[Point]]:
+        """Return the places behind the start that fulfil the case, in each permitted order."""
+
+    def draw(self, runs: Sequence[Run], path: str) -> None:
+        """Draw figures 8 and 10, the tracks on the map, and figure 9, speed over time."""
+        from hil.cases.pictures import draw_field
+
+        draw_field(self.about["title"], runs, path)
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
         """Return the results that only this case has."""
@@ -88,13 +83,16 @@ class SingleCase(Case):
         scenario = load_scenario(file)
         plan = prepare(scenario)
         path = plan.planner.track
-        measured = (_simulate if mode == "sil" else _fly_slave)(scenario, plan, folder, self.show, self.viewer)
+        outcome, figures = (self._simulate if mode == "sil" else self._fly_slave)(scenario, plan, folder)
         track = read_track(folder, scenario.slave.node, path)
-        return Run(self._result(mode, seed, scenario, plan, measured), (track,), file)
+        return Run(self._result(mode, seed, scenario, plan, outcome, figures), (track,), file)
 
-    def _result(self, mode: Mode, seed: int, scenario: Scenario, plan: Plan, measured: Measured) -> Result:
-        outcome, vehicle = measured.outcome, plan.request.vehicle
-        optimum = self.optimum(scenario, plan)
+    def _result(
+        self, mode: Mode, seed: int, scenario: Scenario, plan: Plan, outcome: Outcome, figures: Mapping[str, float]
+    ) -> Result:
+        vehicle, start = plan.request.vehicle, (scenario.start.north, scenario.start.east)
+        routes = [[start, *places] for places in self.routes(scenario, plan)]
+        optimum = min(shortest(plan.world, vehicle, scenario.master.depth, route) for route in routes)
         touched = any(event.kind == "collision" for event in outcome.faults)
         collided = touched or outcome.least_clearance <= radius_of(vehicle)
         return Result(
@@ -109,17 +107,53 @@ class SingleCase(Case):
             ratio=outcome.travelled / optimum,
             least_clearance=outcome.least_clearance,
             collided=collided,
-            energy=measured.energy,
             cross_track_rms=outcome.cross_track_rms,
             cross_track_max=outcome.cross_track_max,
             goal_error=outcome.goal_error,
-            master_cpu=measured.master_cpu,
             planner_cpu=outcome.planner_cpu_s / outcome.duration,
-            delay_p50=measured.delay_p50,
-            delay_p99=measured.delay_p99,
             events=tuple([event.describe() for event in outcome.events]),
             extra=self.extra(plan.planner),
+            **figures,
         )
+
+    def _simulate(self, scenario: Scenario, plan: Plan, folder: str) -> tuple[Outcome, dict[str, float]]:
+        """Fly in this process, in simulated time."""
+        vehicle = SimulatedVehicle(scenario, plan.world)
+        meter = EnergyMeter(plan.request.vehicle)
+        with (
+            self.viewer.show_simulated(scenario, {scenario.slave.node: vehicle}) as shown,
+            _MeteredTrackWriter(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track,
+        ):
+            outcome, _ = fly(scenario, plan, vehicle, [progress_watch(plan.planner, self.show), shown], track)
+        return outcome, {"energy": meter.joules}
+
+    def _fly_slave(self, scenario: Scenario, plan: Plan, folder: str) -> tuple[Outcome, dict[str, float]]:
+        """Fly with a slave in another process; this process is its master."""
+        meter = EnergyMeter(plan.request.vehicle)
+        node, network = scenario.slave.node, scenario.network
+        topics = *topics_of(plan.planner), "battery"
+        progress = Progress(os.path.join(folder, "master.log"), self.show)
+        with (
+            self.viewer.show_slaves(scenario),
+            StopSignals() as stop_fd,
+            ProcessGroup({"slave1": ["slave", scenario.path]}, folder) as slaves,
+            VehicleClient(scenario.slave.listen, node, network=network, topics=topics) as client,
+            _MeteredTrackWriter(folder, meter, lambda: _telemetry(client)) as track,
+        ):
+            client.delays.store()
+            _wait(slaves, client, folder)
+            mission = Mission(Flight(scenario, plan), scenario.master.command_period, client, track, progress)
+            outcome = mission.fly(stop_fd)
+            delay = quantiles(client.delays.totals_ns())
+        progress.close()
+        if outcome.reason == STOPPED:
+            raise KeyboardInterrupt
+        return outcome, {
+            "energy": meter.joules,
+            "master_cpu": outcome.cpu_s / outcome.duration,
+            "delay_p50": delay.p50_ms,
+            "delay_p99": delay.p99_ms,
+        }
 
 
 def radius_of(vehicle: Vehicle) -> float:
@@ -134,42 +168,6 @@ def shortest(world: World, vehicle: Vehicle, depth: float, waypoints: Sequence[P
     """
     inflated = map_at(world, depth, 0.5 * vehicle.dimensions[2], FINE_M).inflate(radius_of(vehicle))
     return sum(path_length(plan_any_angle(inflated, a, b)) for a, b in pairwise(waypoints))
-
-
-def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None], viewer: Viewer) -> Measured:
-    """Fly in this process, in simulated time."""
-    vehicle = SimulatedVehicle(scenario, plan.world)
-    meter = EnergyMeter(plan.request.vehicle)
-    with (
-        viewer.show_simulated(scenario, {scenario.slave.node: vehicle}) as shown,
-        _MeteredTrackWriter(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track,
-    ):
-        outcome, _ = fly(scenario, plan, vehicle, [progress_watch(plan.planner, show), shown], track)
-    return Measured(outcome, meter.joules)
-
-
-def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None], viewer: Viewer) -> Measured:
-    """Fly with a slave in another process; this process is its master."""
-    meter = EnergyMeter(plan.request.vehicle)
-    node, network = scenario.slave.node, scenario.network
-    topics = *topics_of(plan.planner), "battery"
-    progress = Progress(os.path.join(folder, "master.log"), show)
-    with (
-        viewer.show_slaves(scenario),
-        StopSignals() as stop_fd,
-        ProcessGroup({"slave1": ["slave", scenario.path]}, folder) as slaves,
-        VehicleClient(scenario.slave.listen, node, network=network, topics=topics) as client,
-        _MeteredTrackWriter(folder, meter, lambda: _telemetry(client)) as track,
-    ):
-        client.delays.store()
-        _wait(slaves, client, folder)
-        mission = Mission(Flight(scenario, plan), scenario.master.command_period, client, track, progress)
-        outcome = mission.fly(stop_fd)
-        delay = quantiles(client.delays.totals_ns())
-    progress.close()
-    if outcome.reason == STOPPED:
-        raise KeyboardInterrupt
-    return Measured(outcome, meter.joules, outcome.cpu_s / outcome.duration, delay.p50_ms, delay.p99_ms)
 
 
 def _wait(slaves: ProcessGroup, client: VehicleClient, folder: str) -> None:

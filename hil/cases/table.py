@@ -1,4 +1,4 @@
-"""The table of a case: rows of simulated runs and of runs with slaves, as text, CSV and JSON."""
+"""The table of a case: rows of simulated runs and of runs with slaves, as text and JSON."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isfinite
@@ -8,7 +8,7 @@ from typing import Any
 from hil.cases.record import Result
 from hil.common.columns import aligned
 from hil.common.tables import csv_text, save_text
-from hil.common.text import json_text, json_value
+from hil.common.text import json_text
 
 # Columns of means: heading, value of a flight, decimals. Columns of worst values: heading, value, min or max, format
 _MEAN: tuple[tuple[str, Callable[[Result], float], int], ...] = (
@@ -83,11 +83,6 @@ def markdown(rows: Sequence[Sequence[str]]) -> str:
     return "\n".join([head, "|" + " --- |" * len(rows[0]), *body])
 
 
-def write_csv(path: str, results: Sequence[Result]) -> None:
-    """Write one line per flight, with a column for each extra result. Raises ConfigError if it cannot be written."""
-    write_rows(path, [_flat(result) for result in results])
-
-
 def write_rows(path: str, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows as CSV; missing values are left empty. Raises ConfigError if the file cannot be written."""
     columns = list(dict.fromkeys(key for row in rows for key in row))
@@ -100,10 +95,3 @@ def write_json(path: str, results: Sequence[Result]) -> None:
     Raises ConfigError if the file cannot be written.
     """
     save_text(path, json_text([result._asdict() | {"extra": dict(result.extra)} for result in results], indent=2))
-
-
-def _flat(result: Result) -> dict[str, Any]:
-    row = result._asdict() | dict(result.extra) | {"events": "; ".join(result.events)}
-    del row["extra"]
-    values: dict[str, Any] = json_value(row)
-    return values

@@ -28,7 +28,7 @@ examples:
   uuv-hil case target_hunting --view                    a fleet in a browser
   uuv-hil case all --seeds 50 --hil 2 --output runs/all
 
-DIR then contains report.md with its pictures, results.json, results.csv, and a folder for every flight.
+DIR then contains report.md with its pictures, results.json, and a folder for every flight.
 """
 
 
@@ -65,7 +65,6 @@ def main(arguments: list[str]) -> int:
 def _report(flights: Flights, folder: str) -> int:
     results = [run.result for runs in flights.values() for run in runs]
     table.write_json(os.path.join(folder, "results.json"), results)
-    table.write_csv(os.path.join(folder, "results.csv"), results)
     print(table.render(results))
     try:
         write_report(os.path.join(folder, "report.md"), flights, folder)

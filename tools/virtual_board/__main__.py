@@ -16,7 +16,7 @@ systemd, two CAN controllers on one bus and vcan, a network that reaches this ma
 there. It does not show a board's speed, and its measurements are labelled as emulated: pure Python takes about 9 times
 as long as on this machine with `run`, 25 times with `boot`.
 
-Needs: apt install debootstrap qemu-user qemu-system-arm gcc-aarch64-linux-gnu libc6-dev-arm64-cross, and to be root.
+Needs: apt install debootstrap qemu-user qemu-system-arm cpio gcc-aarch64-linux-gnu libc6-dev-arm64-cross, and root.
 """
 
 import argparse

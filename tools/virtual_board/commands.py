@@ -14,7 +14,7 @@ TO_BUILD = {
     "qemu-aarch64": "qemu-user",
     "aarch64-linux-gnu-gcc": "gcc-aarch64-linux-gnu libc6-dev-arm64-cross",
 }
-TO_BOOT = TO_BUILD | {"qemu-system-aarch64": "qemu-system-arm"}
+TO_BOOT = TO_BUILD | {"qemu-system-aarch64": "qemu-system-arm", "cpio": "cpio"}
 
 
 def missing(programs: Mapping[str, str]) -> str:

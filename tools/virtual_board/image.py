@@ -1,10 +1,11 @@
-"""Write the board's files as one archive that a kernel boots from: cpio in the format "newc", as for an initramfs."""
+"""Write the board's files as archives that a kernel boots from, one behind the other: cpio, as for an initramfs."""
 
 import os
 import shutil
-import stat
 import subprocess
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import BinaryIO
 
 from tools.virtual_board.board import VirtualBoard
@@ -61,8 +62,14 @@ FILES = {
         for kind in ("auth", "account", "password", "session")
     },
 }
-# Nobody logs in.
-MASKED = ("serial-getty@ttyAMA0.service", "getty-static.service", "systemd-binfmt.service")
+LINKS = {
+    "etc/systemd/system/multi-user.target.wants/job.service": "../job.service",
+    # Nobody logs in.
+    **{
+        f"etc/systemd/system/{name}.service": "/dev/null"
+        for name in ("serial-getty@ttyAMA0", "getty-static", "systemd-binfmt")
+    },
+}
 
 
 def kernel(board: VirtualBoard) -> str:
@@ -71,105 +78,67 @@ def kernel(board: VirtualBoard) -> str:
     return os.path.join(folder, next(name for name in sorted(os.listdir(folder)) if name.startswith("vmlinuz")))
 
 
-def write_image(board: VirtualBoard, path: str) -> None:
-    """Write the archive of root, project, and the kernel modules that a job may need."""
-    with open(path, "wb") as file:
-        for number, (name, place) in enumerate(_entries(board), 1):
-            _write(file, number, name, place)
-        for name in ("usr/share/base-passwd/passwd.master", "usr/share/base-passwd/group.master"):
-            with open(os.path.join(board.root, name), "rb") as source:
-                _add(file, f"etc/{os.path.basename(name).partition('.')[0]}", source.read())
-        for name, text in FILES.items():
-            _add(file, name, text.encode())
-        _add(file, "init", INIT.encode(), 0o755)
-        for name in MASKED:
-            _add(file, f"etc/systemd/system/{name}", b"/dev/null", link=True)
-        _add(file, "etc/systemd/system/multi-user.target.wants/job.service", b"../job.service", link=True)
-        _end(file)
+def write_image(board: VirtualBoard, job: str, path: str) -> None:
+    """Write the archives of root, of the kernel modules that a job may need, and of project and `job`, a script."""
+    with tempfile.TemporaryDirectory(dir=board.folder) as name, open(path, "wb") as file:
+        _archive(board.root, _kept(board.root), file)
+        modules = _staged_modules(board)
+        _archive(modules, _below(modules, "usr"), file)
+        folder = Path(name)
+        shutil.copytree(board.site, folder / INSTALLED, symlinks=True, copy_function=os.link)
+        for database in ("passwd", "group"):
+            _write(folder, f"etc/{database}", Path(board.root, f"usr/share/base-passwd/{database}.master").read_text())
+        for inside, text in FILES.items():
+            _write(folder, inside, text)
+        for inside, text in (("init", INIT), ("opt/job", job)):
+            _write(folder, inside, text).chmod(0o755)
+        for inside, target in LINKS.items():
+            place = folder / inside
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.symlink_to(target)
+        _archive(name, _below(name), file)
 
 
-def write_job(script: str, path: str) -> None:
-    """Write the small archive with the board's job, which is appended to the large one."""
-    with open(path, "wb") as file:
-        _add(file, "opt/job", script.encode(), 0o755)
-        _end(file)
+def _write(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
-def _entries(board: VirtualBoard) -> Iterator[tuple[str, str]]:
-    """Yield names in the archive and their paths here; a folder comes before its content."""
-    for name, place in _below(board.root, ""):
-        if not any(name == left or name.startswith(f"{left}/") for left in LEFT_OUT):
-            yield name, place
-    yield from ((f"usr/lib/{name}", place) for name, place in _modules(board))
-    yield from _below(board.site, INSTALLED)
+def _archive(folder: str, names: Iterable[str], file: BinaryIO) -> None:
+    """Append an archive of these names in a folder; all belong to root."""
+    command = ["cpio", "--quiet", "--null", "--create", "--format=newc", "--owner=0:0"]
+    subprocess.run(command, cwd=folder, input="\0".join(names).encode(), stdout=file, check=True)
 
 
-def _modules(board: VirtualBoard) -> Iterator[tuple[str, str]]:
-    """Return the modules that a job may need, with the tables of their dependencies."""
+def _below(folder: str, start: str = "") -> Iterator[str]:
+    """Yield the names in a folder, from those in `start` on; a folder comes before its content."""
+    for place, folders, files in os.walk(os.path.join(folder, start)):
+        for name in (*folders, *files):
+            yield os.path.relpath(os.path.join(place, name), folder)
+
+
+def _kept(root: str) -> Iterator[str]:
+    return (name for name in _below(root) if not any(f"{name}/".startswith(f"{left}/") for left in LEFT_OUT))
+
+
+def _staged_modules(board: VirtualBoard) -> str:
+    """Return the folder of the modules that a job may need, with the tables of their dependencies; made once."""
     staged = os.path.join(board.folder, "modules")
-    if not os.path.isdir(staged):
-        _stage(board, staged)
-    yield from _below(os.path.join(staged, "usr/lib/modules"), "modules")
-
-
-def _stage(board: VirtualBoard, staged: str) -> None:
+    if os.path.isdir(staged):
+        return staged
     (release,) = os.listdir(os.path.join(board.root, "usr/lib/modules"))
-    place = f"usr/lib/modules/{release}"
     new = f"{staged}.{os.getpid()}"
-    for folder, _, files in os.walk(os.path.join(board.root, place)):
-        for name in files:
-            path = os.path.join(folder, name)
-            inside = os.path.relpath(path, board.root)
-            if name.startswith("modules.") or any(part in inside for part in MODULES):
-                target = os.path.join(new, inside)
-                os.makedirs(os.path.dirname(target), exist_ok=True)
-                shutil.copyfile(path, target)
+    for inside in _below(board.root, f"usr/lib/modules/{release}"):
+        source = os.path.join(board.root, inside)
+        wanted = os.path.basename(inside).startswith("modules.") or any(part in inside for part in MODULES)
+        if wanted and os.path.isfile(source):
+            target = os.path.join(new, inside)
+            os.makedirs(os.path.dirname(target), exist_ok=True)
+            shutil.copyfile(source, target)
     os.symlink("usr/lib", os.path.join(new, "lib"))
     kmod = os.path.join(board.root, "usr/bin/kmod")
     subprocess.run(["qemu-aarch64", "-0", "depmod", "-L", board.root, kmod, "-b", new, release], check=True)
     os.rename(new, staged)
-
-
-def _below(folder: str, prefix: str) -> Iterator[tuple[str, str]]:
-    """Yield the content of a folder, as names below `prefix`, after the folders of `prefix`."""
-    parts = prefix.split("/") if prefix else []
-    for count in range(1, len(parts) + 1):
-        yield "/".join(parts[:count]), folder
-    for place, folders, files in os.walk(folder):
-        for name in (*sorted(folders), *sorted(files)):
-            path = os.path.join(place, name)
-            yield os.path.join(prefix, os.path.relpath(path, folder)), path
-
-
-def _write(file: BinaryIO, number: int, name: str, path: str) -> None:
-    status = os.lstat(path)
-    data = b""
-    if stat.S_ISLNK(status.st_mode):
-        data = os.readlink(path).encode()
-    elif stat.S_ISREG(status.st_mode):
-        with open(path, "rb") as source:
-            data = source.read()
-    elif not stat.S_ISDIR(status.st_mode):
-        return
-    _record(file, number, status.st_mode, name, data, int(status.st_mtime))
-
-
-def _add(file: BinaryIO, name: str, data: bytes, mode: int = 0o644, link: bool = False) -> None:
-    """Add an entry that is not a file on this machine, and the folders above it."""
-    parts = name.split("/")
-    for count in range(1, len(parts)):
-        _record(file, 0, stat.S_IFDIR | 0o755, "/".join(parts[:count]), b"")
-    _record(file, 0, (stat.S_IFLNK | 0o777) if link else (stat.S_IFREG | mode), name, data)
-
-
-def _end(file: BinaryIO) -> None:
-    _record(file, 0, 0, "TRAILER!!!", b"")
-
-
-def _record(file: BinaryIO, number: int, mode: int, name: str, data: bytes, time_s: int = 0) -> None:
-    """Write one entry: a header of hexadecimal numbers, name and data, each padded to four bytes."""
-    label = name.encode() + b"\0"
-    fields = (number, mode, 0, 0, 1, time_s, len(data), 0, 0, 0, 0, len(label), 0)
-    head = b"070701" + b"".join(b"%08X" % field for field in fields) + label
-    for part in (head, data):
-        file.write(part + b"\0" * (-len(part) % 4))
+    return staged

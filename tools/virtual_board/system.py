@@ -1,7 +1,6 @@
 """The whole board in emulation: its own kernel, systemd, CAN interfaces and network, for a job."""
 
 import secrets
-import shutil
 import signal
 import subprocess
 import threading
@@ -14,7 +13,7 @@ from hil.common.errors import DeviceError
 from hil.common.scratch import ScratchFolder
 from tools.virtual_board.board import PROCESSOR, VirtualBoard
 from tools.virtual_board.commands import TO_BOOT, missing
-from tools.virtual_board.image import kernel, write_image, write_job
+from tools.virtual_board.image import kernel, write_image
 
 MEMORY = "2G"
 PATIENCE_S = 300.0
@@ -44,7 +43,9 @@ class Booted:
         self._lines: list[str] = []
         self.status: int | None = None
         try:
-            command = emulator(kernel(board), self._write_images(board, job), ports or {})
+            image = self._folder.file("image")
+            write_image(board, _script(job, self._mark), image)
+            command = emulator(kernel(board), image, ports or {})
             self._process = start_child(
                 foreign_command(*command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
             )
@@ -83,18 +84,6 @@ class Booted:
         if self.status is None:
             raise DeviceError(f"the board did not end its job within {seconds:g} s; it had printed:\n{self.output}")
         return self.status
-
-    def _write_images(self, board: VirtualBoard, job: str) -> str:
-        """Return the path of the archive that the kernel takes: the system's, and the job's behind it."""
-        images = [self._folder.file(name) for name in ("system", "job")]
-        write_image(board, images[0])
-        write_job(_script(job, self._mark), images[1])
-        output_file = self._folder.file("whole")
-        with open(output_file, "wb") as file:
-            for path in images:
-                with open(path, "rb") as part:
-                    shutil.copyfileobj(part, file)
-        return output_file
 
     def _read(self) -> None:
         assert self._process.stdout

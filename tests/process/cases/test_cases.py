@@ -58,7 +58,7 @@ def test_the_shortest_path_and_the_best_order_are_known_optima() -> None:
     found = visit_orders(mission)
     assert len(found) == 3
     assert all(order.index((2.0, 0.0)) < order.index((1.0, 0.0)) for order in found)
-    assert TaskScheduling().vary(1) == ({}, {})
+    assert TaskScheduling("task_scheduling").vary(1) == ({}, {})
 
 
 def result(**changes: object) -> Result:
@@ -83,7 +83,7 @@ def test_the_command_flies_a_case_and_writes_its_files(tmp_path: Path, capsys: p
     assert command.main(["path_planning", "--output", str(tmp_path / "out")]) == 0
     output = capsys.readouterr().out
     assert "1 of 1" in output
-    assert "path_planning.png, report.md, results.csv, results.json" in output
+    assert "path_planning.png, report.md, results.json" in output
     assert (tmp_path / "out" / "path_planning-sil-001" / "track.csv").stat().st_size > 10_000
     for wrong in (["path_planing"], ["path_planning", "--seeds", "0"], ["all", "--hil", "-1"]):
         with pytest.raises(ConfigError):

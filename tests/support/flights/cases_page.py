@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.cases.case import find_case
+from hil.cases.case import CASES
 from hil.cases.flights import fly_one
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "cases.md"
@@ -14,7 +14,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "reference" / "cases.md"
 
 def page_figures(name: str) -> dict[str, float]:
     """Return the page's figures of a case (seed 1, simulated time) by the titles of their rows."""
-    section = PAGE.read_text(encoding="utf-8").partition(f"\n## {find_case(name).title}\n")[2].partition("\n## ")[0]
+    section = PAGE.read_text(encoding="utf-8").partition(f"\n## {CASES[name]['title']}\n")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| ([a-z ]+) \| ([0-9.]+) (?:m|s|kJ) \|", section, re.MULTILINE)
     return {words: float(number) for words, number in rows}
 

@@ -44,7 +44,7 @@ def test_path_planning_of_two_seeds_is_equal_on_one_and_two_processes(tmp_path: 
 
 def test_path_planning_without_a_map(tmp_path: Path) -> None:
     """Obstacle-unknown mode: an empty map, and the laser alone detects the obstacles."""
-    case = PathPlanning()
+    case = PathPlanning("path_planning")
     case.scenario = write_variant("path_planning", str(tmp_path), {"master.map": "unknown"})
     run = case.fly("sil", 1, str(tmp_path))
     assert run.result.success

@@ -12,7 +12,7 @@ from hil.scenario.variant import write_variant
 def test_sil_and_hil_flights_agree_and_are_reported(tmp_path: Path) -> None:
     """The slave is a process with an emulated STM32."""
     short = write_variant("path_planning", str(tmp_path), {"master.goal": [3.5, -1.0], "start.heading": -0.3})
-    case = PathPlanning()
+    case = PathPlanning("path_planning")
     case.scenario = short
     runs = []
     for mode in ("sil", "hil"):

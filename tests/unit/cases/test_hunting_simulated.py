@@ -10,14 +10,13 @@ from hil.autonomy.fleets.formation import separation
 from hil.autonomy.fleets.hunting import HuntPlan
 from hil.cases.hunt.simulated import SimulatedHunt
 from hil.cases.hunt.watch import HuntRow, HuntWatch, shortest_paths
-from hil.cases.target_hunting import TargetHunting, TargetHuntingDiamond
 from hil.ros.fleet import decode_formation
 from hil.scenario.config import load_scenario
 from hil.scenario.fleet import hunt_plan
 from sim.sensors.samples import ODOMETRY, OdometrySample
 from tests.support.flights.paper_hunt import TARGET
 
-SCENARIOS = {"line": TargetHunting.scenario, "diamond": TargetHuntingDiamond.scenario}
+SCENARIOS = {"line": "target_hunting", "diamond": "target_hunting_diamond"}
 
 
 def hunt(name: str, **changes: object) -> tuple[SimulatedHunt, HuntWatch]:
