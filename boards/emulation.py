@@ -9,14 +9,12 @@ from boards.tree import Tree
 MARK = "UUV_HIL_EMULATED"
 # Architecture -> the wider one whose processors also run its programs.
 WIDER = {"i386": "x86_64", "i686": "x86_64", "armv7l": "aarch64", "armv8l": "aarch64"}
-# The machine of an ELF file, at its byte 18 (System V ABI) -> what uname calls it.
-ELF_MACHINES = {0x03: "i686", 0x28: "armv7l", 0x3E: "x86_64", 0xB7: "aarch64", 0xF3: "riscv64"}
 
 
 def labels(tree: Tree, architecture: str) -> tuple[str, ...]:
     """Return labels for a machine's measured figures ("virtual machine"). `architecture` is as uname reports it."""
     texts, processors = [], tree.text("/proc/cpuinfo")
-    mark, real = _mark(tree), _host_architecture(tree)
+    mark, real = _mark(tree), tree.text("/proc/sys/kernel/arch")  # which qemu-user does not change; since Linux 6.1
     if mark:
         texts.append(f"emulated: {mark}")
     elif real and WIDER.get(real, real) != WIDER.get(architecture, architecture):
@@ -38,19 +36,3 @@ def _mark(tree: Tree) -> str:
 def _is_qemu(tree: Tree) -> bool:
     """Return whether this machine is made by QEMU. On Arm the processor does not show whether KVM is used."""
     return model(tree.root) == "linux,dummy-virt" or tree.text("/sys/class/dmi/id/sys_vendor") == "QEMU"
-
-
-def _host_architecture(tree: Tree) -> str:
-    """Return the architecture of the kernel; before Linux 6.1 that of process 1, as qemu-user changes uname.
-
-    Only root may read process 1. "" if unknown.
-    """
-    reported = tree.text("/proc/sys/kernel/arch")
-    if reported:
-        return reported
-    try:
-        with open(tree.path("/proc/1/exe"), "rb") as file:
-            head = file.read(20)
-    except OSError:
-        return ""
-    return ELF_MACHINES.get(int.from_bytes(head[18:20], "little"), "") if head[:4] == b"\x7fELF" else ""

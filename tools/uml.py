@@ -1,16 +1,13 @@
-"""Run a command under User Mode Linux: a separate Linux kernel that runs as a process.
-
-    python tools/uml.py --module vcan --module can-raw -- sh -c 'ip link add vcan0 type vcan; ip link'
+"""Run a command under User Mode Linux: a separate Linux kernel that runs as a process (tests/system/uml).
 
 It is for tests that this machine's kernel does not support or must not run: CAN interfaces, network faults, namespaces.
 The command runs as root inside, and sees this machine's files, programs and names of devices, at this machine's speed,
-on one CPU. Files that it writes are lost afterwards, except in the folder of --share. It has only its own network.
+on one CPU. Files that it writes are lost afterwards, except in the shared folder. It has only its own network.
 Start and end take a second. The user need not be root on this machine.
 
-Needs: apt install user-mode-linux busybox-static gcc libc6-dev (x86 only). Exit code: the command's.
+Needs: apt install user-mode-linux busybox-static gcc libc6-dev (x86 only).
 """
 
-import argparse
 import contextlib
 import hashlib
 import os
@@ -22,20 +19,15 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT))
+from firmware_stub.native import cache_folder
+from hil.common.children import foreign_command, start_child
+from hil.common.errors import DeviceError
 
-from firmware_stub.native import cache_folder  # noqa: E402 - works from a bare checkout too
-from hil.common.children import foreign_command, start_child  # noqa: E402
-from hil.common.errors import DeviceError  # noqa: E402
-
-SHIM = ROOT / "tools" / "uml_ptrace.c"
+SHIM = Path(__file__).with_name("uml_ptrace.c")
 MODULES = Path("/usr/lib/uml/modules")
 MEMORY_MIB = 512
 SHARED_MEMORY = "/dev/shm"
@@ -91,21 +83,12 @@ def unavailable_reason() -> str:
 
 
 def run(
-    command: Sequence[str],
-    modules: Sequence[str] = (),
-    share: str = "",
-    environment: Mapping[str, str] | None = None,
-    seconds: float = 60.0,
-    cwd: str = "",
-    report: Callable[[str], None] = lambda line: None,
-    options: Sequence[str] = (),
+    command: Sequence[str], modules: Sequence[str], share: str, environment: Mapping[str, str], seconds: float, cwd: str
 ) -> Outcome:
-    """Run `command` under User Mode Linux.
+    """Run `command` in the working folder `cwd` under User Mode Linux.
 
     modules: kernel modules, loaded first with those they need. share: a folder of this machine that it may write to.
-    environment: variables, besides PATH, HOME and LANG. seconds: limit, after which it is killed. cwd: its working
-    folder [the present one]. report: called with each line as it is printed. options: of the kernel, such as
-    "cgroup_disable=memory".
+    environment: variables, besides PATH, HOME and LANG. seconds: limit, after which it is killed.
     Raises DeviceError if it does not start, with the kernel's last lines, or does not end in time.
     """
     reason = unavailable_reason()
@@ -114,12 +97,11 @@ def run(
     mark = f"uml-{secrets.token_hex(8)}"
     with tempfile.TemporaryDirectory(prefix="uml-") as folder:
         init = Path(folder, "init")
-        steps = _steps(command, environment or {}, cwd or os.getcwd())
+        steps = _steps(command, environment, cwd)
         init.write_text(_init(mark, steps, modules, share, seconds), encoding="utf-8")
         init.chmod(0o755)
         cpu = max(os.sched_getaffinity(0))
-        kernel = ["taskset", "-c", str(cpu), *_kernel(str(init)), *options]
-        return _Console(mark, report).follow(kernel, seconds)
+        return _follow(["taskset", "-c", str(cpu), *_kernel(str(init))], mark, seconds)
 
 
 def module_files(names: Sequence[str]) -> list[str]:
@@ -150,7 +132,7 @@ def _steps(command: Sequence[str], environment: Mapping[str, str], cwd: str) -> 
 def _init(mark: str, steps: str, modules: Sequence[str], share: str, seconds: float) -> str:
     """Return the text of process 1."""
     folder = os.path.realpath(share)
-    mount = f"$b mount -t hostfs -o {shlex.quote(folder)} share {shlex.quote(folder.lstrip('/'))}" if share else ""
+    mount = f"$b mount -t hostfs -o {shlex.quote(folder)} share {shlex.quote(folder.lstrip('/'))}"
     return INIT.format(
         busybox=shutil.which("busybox"),
         modules=" ".join(module_files(["overlay", *modules])),
@@ -196,96 +178,30 @@ def _shim() -> str:
     return library
 
 
-class _Console:
-    """Separates the command's output from the kernel's."""
-
-    def __init__(self, mark: str, report: Callable[[str], None]) -> None:
-        self._mark = mark
-        self._report = report
-        self._boot: list[str] = []
-        self._output: list[str] = []
-        self._begun = False
-        self._status: int | None = None
-
-    def follow(self, command: Sequence[str], seconds: float) -> Outcome:
-        """Start the kernel and wait until it has ended."""
-        process = start_child(
-            foreign_command(*command),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-        )
-        limit = threading.Timer(seconds, _kill, [process])
-        limit.start()
-        began = time.monotonic()
-        try:
-            assert process.stdout is not None
-            self._sort(line.rstrip("\r\n") for line in process.stdout)
-        finally:
-            limit.cancel()
-            _kill(process)
-            process.communicate()
-        if self._status is not None:
-            return Outcome(self._status, "\n".join(self._output))
-        late = time.monotonic() - began >= seconds
-        end = f"killed after {seconds:g} s" if late else "ended before its time"
-        raise DeviceError(f"User Mode Linux: {end}{self._last_words()}")
-
-    def _sort(self, lines: Iterator[str]) -> None:
-        """Sort lines: those before the first mark are the kernel's, those before the second the command's."""
-        end = f"{self._mark} end "
-        for line in lines:
-            self._begun = line.endswith(f"{self._mark} begin")
-            if self._begun:
-                break
-            self._boot.append(line.strip())
-        for line in lines:
-            output, ended, status = line.partition(end)
-            if output or not ended:  # its last line may have had no end
-                self._output.append(output)
-                self._report(output)
-            if ended:
-                self._status = int(status)
-                break
-        for _ in lines:  # until it has ended
-            pass
-
-    def _last_words(self) -> str:
-        if self._begun:
-            return "\n".join(["; the command had printed:", *self._output])
-        return f", before the command began: {' | '.join(filter(None, self._boot[-8:]))}"
+def _follow(kernel: Sequence[str], mark: str, seconds: float) -> Outcome:
+    """Start the kernel, wait until it has ended, and separate the command's output from the kernel's."""
+    process = start_child(
+        foreign_command(*kernel),
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+    )  # fmt: skip
+    end = "ended before its time"
+    try:
+        printed, _ = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        end = f"killed after {seconds:g} s"
+        _kill(process)
+        printed, _ = process.communicate()
+    finally:
+        _kill(process)
+    boot, begun, behind = printed.replace("\r", "").partition(f"{mark} begin\n")
+    output, ended, status = behind.partition(f"{mark} end ")
+    if ended:
+        return Outcome(int(status.split()[0]), output)
+    last_words = f"; the command had printed:\n{output}" if begun else f", before the command began: {boot[-800:]}"
+    raise DeviceError(f"User Mode Linux: {end}{last_words}")
 
 
 def _kill(process: "subprocess.Popen[str]") -> None:
     """Kill the kernel and all its helpers."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-
-
-def main() -> int:
-    """Return the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("command", nargs="+")
-    parser.add_argument("--module", action="append", default=[], metavar="NAME", help="of the kernel, to be loaded")
-    parser.add_argument(
-        "--share", default="", metavar="FOLDER", help="folder of this machine that the command may write to"
-    )
-    parser.add_argument("--seconds", type=float, default=60.0, help="limit, after which it is killed [%(default)s]")
-    chosen = parser.parse_args()
-    try:
-        return run(
-            chosen.command,
-            chosen.module,
-            chosen.share,
-            seconds=chosen.seconds,
-            report=lambda line: print(line, flush=True),
-        ).status
-    except DeviceError as error:
-        print(error, file=sys.stderr)
-        return error.exit_code
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -52,9 +52,11 @@ def limit_self(memory_bytes: int, processor_seconds: int) -> None:
         return
     import resource
 
-    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
-    resource.setrlimit(resource.RLIMIT_CPU, (processor_seconds, processor_seconds))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    wanted = {resource.RLIMIT_AS: memory_bytes, resource.RLIMIT_CPU: processor_seconds, resource.RLIMIT_CORE: 0}
+    for which, most in wanted.items():
+        hard = resource.getrlimit(which)[1]  # which only root may raise
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(which, (most, most))
 
 
 def open_lifeline() -> int:

@@ -1,4 +1,4 @@
-"""Check the installation: packages, bytecode, start, processor time of a step, and permitted scheduling."""
+"""Check the installation: packages, start, processor time of a step, and permitted scheduling."""
 
 import json
 import os
@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from importlib import metadata
-from importlib.util import cache_from_source, find_spec
+from importlib.util import find_spec
 
 from hil.common import __version__
 from hil.common.children import python_command
@@ -24,7 +24,6 @@ from hil.scenario.fleet import as_member
 from hil.scenario.records import Recording
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PACKAGES = ("hil", "sim", "boards", "firmware_stub")
 # name, distribution, purpose, argument of pip install
 LIBRARIES = (
     ("zenoh", "eclipse-zenoh", "the network between slave and master", "eclipse-zenoh"),
@@ -52,7 +51,6 @@ def check_packages(case: Case) -> Iterator[Finding]:
     for value in values:
         if value in REQUIRED_BY_VALUE:
             yield check_library(*REQUIRED_BY_VALUE[value], case.severity)
-    yield check_bytecode(ROOT)
     if case.scenario:
         yield from check_start(case.scenario, case.user)
 
@@ -204,33 +202,6 @@ def check_library(name: str, distribution: str, purpose: str, package: str, need
         return Finding("ok", name, metadata.version(distribution))
     except metadata.PackageNotFoundError:
         return Finding(needed, name, f"not installed; needed for {purpose}", f"pip install {package}")
-
-
-def check_bytecode(root: str) -> Finding:
-    """Check whether the packages below `root` are compiled to bytecode. If not, the first start takes longer."""
-    missing = total = 0
-    for package in PACKAGES:
-        for folder, _, files in os.walk(os.path.join(root, package)):
-            sources = [os.path.join(folder, name) for name in files if name.endswith(".py")]
-            total += len(sources)
-            missing += sum(not _is_compiled(source) for source in sources)
-    if not missing:
-        return Finding("ok", "bytecode", f"compiled, {total} modules")
-    folders = " ".join(os.path.join(root, package) for package in PACKAGES)
-    text = f"{missing} of {total} modules are not compiled: the first start takes longer"
-    return Finding("note", "bytecode", text, f"python -m compileall -q {folders}")
-
-
-def _is_compiled(source: str) -> bool:
-    """Return whether a module is compiled, by the header of its bytecode file: flags, time and size (PEP 552)."""
-    try:
-        with open(cache_from_source(source), "rb") as file:
-            header = file.read(16)
-        status = os.stat(source)
-    except OSError:
-        return False
-    flags, time_s, size = (int.from_bytes(header[i : i + 4], "little") for i in (4, 8, 12))
-    return bool(flags) or (time_s, size) == (int(status.st_mtime) & 0xFFFFFFFF, status.st_size & 0xFFFFFFFF)
 
 
 def check_scheduling(case: Case) -> Iterator[Finding]:

@@ -46,11 +46,6 @@ def test_a_slave_starts_and_stops_without_leftovers() -> None:
     assert not os.path.exists(folder)
 
 
-def plant_first_process(root: Path, machine: int) -> None:
-    (root / "proc/1").mkdir(parents=True)
-    (root / "proc/1/exe").write_bytes(b"\x7fELF" + bytes(14) + machine.to_bytes(2, "little"))
-
-
 HYPERVISOR = "flags : fpu hypervisor\n"
 QEMU_LABEL = "emulated, or a virtual machine: QEMU"
 
@@ -81,12 +76,3 @@ def test_each_sign_of_emulation_gives_its_label(
     kernel = os.uname()
     monkeypatch.setattr("os.uname", lambda: os.uname_result((*kernel[:4], architecture)))
     assert describe(str(tmp_path))[1] == labels
-
-
-def test_a_32_bit_system_on_a_64_bit_kernel_is_not_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Raspberry Pi OS of 32 bits is such a system, before Linux 6.1."""
-    plant_first_process(tmp_path, 0x28)
-    kernel = os.uname()
-    monkeypatch.delenv("UUV_HIL_EMULATED", raising=False)
-    monkeypatch.setattr("os.uname", lambda: os.uname_result((*kernel[:4], "aarch64")))
-    assert describe(str(tmp_path))[1] == ()

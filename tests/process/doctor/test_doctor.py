@@ -41,7 +41,6 @@ def test_every_finding_without_a_scenario() -> None:
     assert rows["pyserial"]["text"] == metadata.version("pyserial")
     assert rows["step"]["text"] == "Python, as UUV_HIL_NATIVE=0 says"
     assert (rows["step"]["level"], rows["step"]["remedy"]) == ("note", "unset UUV_HIL_NATIVE")
-    assert "modules" in rows["bytecode"]["text"]
     assert rows["board"]["text"]
     assert "SCHED_FIFO" in rows["scheduling"]["text"]
     assert "locked" in rows["memory"]["text"]

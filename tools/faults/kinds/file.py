@@ -31,62 +31,37 @@ class BadFile(NamedTuple):
     command: tuple[str, ...]
 
 
-SLOW = "[link]\nfaults = { baud = 9600 }\n"
-READ_ONLY = '[recording]\nslave = true\nfolder = "/sys/uuv-hil"\n[slave]\nlisten = "tcp/127.0.0.1:29871"\n'
 SLAVE = ("slave", "{file}")
 BUILD = ("world", "build", "-o", "{folder}/built", "{file}")
+CHECK = ("recording", "replay", "--check", "{file}")
+PLOT = ("recording", "plot", "-o", "{folder}", "{file}")
+READ_ONLY = '[recording]\nslave = true\nfolder = "/sys/uuv-hil"\n[slave]\nlisten = "tcp/127.0.0.1:29871"\n'
+
+
+def _scenario(name: str, message: str, text: str) -> BadFile:
+    return BadFile(name, message, ".toml", lambda _: text.encode(), SLAVE)
+
+
 BAD_FILES = (
-    BadFile("scenario that is not TOML", "not valid TOML", ".toml", lambda r: b"vehicle = [\n", SLAVE),
+    _scenario("scenario that is not TOML", "not valid TOML", "vehicle = [\n"),
     BadFile("scenario of random bytes", "not UTF-8 text", ".toml", lambda r: r.randbytes(4096), SLAVE),
-    BadFile(
-        "scenario nested 20,000 deep",
-        "more than 32 deep",
-        ".toml",
-        lambda r: HEAD.encode() + b"x = " + b"[" * 20_000,
-        SLAVE,
-    ),
-    BadFile("scenario with inf", "deadman: inf", ".toml", lambda r: f"{HEAD}[slave]\ndeadman = inf\n".encode(), SLAVE),
-    BadFile(
-        "scenario, number of 100,000 digits",
-        "more than 4300 digits",
-        ".toml",
-        lambda r: b"seed = " + b"9" * 100_000,
-        SLAVE,
-    ),
-    BadFile(
-        "scenario with an unknown key", "deadmen", ".toml", lambda r: f"{HEAD}[slave]\ndeadmen = 1\n".encode(), SLAVE
-    ),
-    BadFile(
-        "scenario, 50 commands/s on 9600 Bd", "faults.baud: 9600", ".toml", lambda r: f"{HEAD}{SLOW}".encode(), SLAVE
-    ),
-    BadFile(
-        "recording in a read-only folder", "cannot be made", ".toml", lambda r: f"{HEAD}{READ_ONLY}".encode(), SLAVE
-    ),
+    _scenario("scenario nested 20,000 deep", "more than 32 deep", HEAD + "x = " + "[" * 20_000),
+    _scenario("scenario with inf", "deadman: inf", f"{HEAD}[slave]\ndeadman = inf\n"),
+    _scenario("scenario, number of 100,000 digits", "more than 4300 digits", "seed = " + "9" * 100_000),
+    _scenario("scenario with an unknown key", "deadmen", f"{HEAD}[slave]\ndeadmen = 1\n"),
+    _scenario("scenario, 50 commands/s on 9600 Bd", "faults.baud: 9600", f"{HEAD}[link]\nfaults = {{ baud = 9600 }}\n"),
+    _scenario("recording in a read-only folder", "cannot be made", HEAD + READ_ONLY),
     BadFile("chart of random bytes", "not an ISO 8211", ".000", lambda r: r.randbytes(65_536), BUILD),
-    BadFile("chart cut short", "cut off", ".000", lambda r: b"009623LE1 0900201 ! 3404", BUILD),
-    BadFile(
-        "chart, a contour over half the earth", "far outside of its coverage", ".000", lambda r: _far_contour(), BUILD
-    ),
+    BadFile("chart cut short", "cut off", ".000", lambda _: b"009623LE1 0900201 ! 3404", BUILD),
+    BadFile("chart, a contour over half the earth", "far outside of its coverage", ".000", lambda _: _far(), BUILD),
     BadFile("GeoTIFF of random bytes", "cannot be read", ".tif", lambda r: b"II*\0" + r.randbytes(65_536), BUILD),
-    BadFile("soundings that are not numbers", "columns", ".xyz", lambda r: b"1 2 three\n" * 100, BUILD),
-    BadFile(
-        "recording of random bytes",
-        "not an MCAP",
-        ".mcap",
-        lambda r: r.randbytes(65_536),
-        ("recording", "replay", "--check", "{file}"),
-    ),
-    BadFile(
-        "recording cut after its head",
-        "not an MCAP",
-        ".mcap",
-        lambda r: b"\x89MCAP0\r\n",
-        ("recording", "plot", "-o", "{folder}", "{file}"),
-    ),
+    BadFile("soundings that are not numbers", "columns", ".xyz", lambda _: b"1 2 three\n" * 100, BUILD),
+    BadFile("recording of random bytes", "not an MCAP", ".mcap", lambda r: r.randbytes(65_536), CHECK),
+    BadFile("recording cut after its head", "not an MCAP", ".mcap", lambda _: b"\x89MCAP0\r\n", PLOT),
 )
 
 
-def _far_contour() -> bytes:
+def _far() -> bytes:
     """Return a chart with one position of a contour off by 45 degrees: 160,000 points to interpolate."""
     from tests.support.charts.small_cell import bay
 
