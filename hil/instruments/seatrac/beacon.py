@@ -1,18 +1,161 @@
-"""One SeaTrac beacon: its settings, its periodic status, and what it answers at once."""
+"""One SeaTrac beacon, and the lines and records of its serial protocol: little endian bytes as hexadecimal digits, with CRC-16.
 
-from math import radians
-from struct import error, pack, unpack
-from typing import Any
+What is public leaves something open: here the time of a range is one way, and an elevation is positive above the
+beacon's plane.
+"""
+
+from collections.abc import Callable
+from enum import IntEnum
+from math import asin, atan2, degrees, hypot, log10, radians
+from struct import pack
+from typing import Any, NamedTuple
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
-from hil.common.vectors import Quaternion
-from hil.instruments.seatrac.messages import SETTINGS, SUPPLY_MV, USE_ATTITUDE, Cid, Cst, Place, Settings, attitude
-from sim.rotations import from_euler
+from hil.common.vectors import Quaternion, Vector3
+from hil.instruments.layout import read_device, read_messages
+from hil.links.frame.checksums import CRCS, crc_checksum
+from sim.rotations import from_euler, rotate, rotate_inverse, to_euler
 
+_CRC = crc_checksum(CRCS["crc16-arc"])
+_RANGE, _USBL, _POSITION, _ENHANCED = 1, 2, 4, 8  # flags of a fix
+_SOURCE_LEVEL = 176.0  # dB re 1 uPa at 1 m (X150, data sheet)
+_COUNTER = 16_000.0  # Hz
 _X150, _X110 = 795, 843  # part numbers
 _PERIODS_MS = (0, 1000, 400, 200, 100, 40)  # by mode of the status; 0: on request only
 _REBOOT = b"\x95\x6a"
 _MOST_QUEUED = 30  # bytes
+
+
+class Cid(IntEnum):
+    """Commands, and what a beacon reports."""
+
+    SYS_ALIVE = 0x01
+    SYS_INFO = 0x02
+    SYS_REBOOT = 0x03
+    STATUS = 0x10
+    STATUS_CFG_GET = 0x11
+    STATUS_CFG_SET = 0x12
+    SETTINGS_GET = 0x15
+    SETTINGS_SET = 0x16
+    SETTINGS_LOAD = 0x17
+    SETTINGS_SAVE = 0x18
+    SETTINGS_RESET = 0x19
+    XCVR_FIX = 0x39
+    XCVR_STATUS = 0x3A
+    PING_SEND = 0x40
+    ECHO_SEND = 0x48
+    NAV_QUERY_SEND = 0x50
+    DAT_SEND = 0x60
+    DAT_QUEUE_SET = 0x64
+    DAT_QUEUE_CLR = 0x65
+    DAT_QUEUE_STATUS = 0x66
+
+
+class Cst(IntEnum):
+    """Results of commands, and states of the transceiver."""
+
+    OK = 0x00
+    PARAM_MISSING = 0x04
+    PARAM_INVALID = 0x05
+    BUSY = 0x30
+    TIMEOUT = 0x34
+    IDLE = 0x3B
+    REQUESTING = 0x3D
+
+
+# Kinds of acoustic messages; a response has the number of its request plus 1.
+ONE_WAY, ONE_WAY_USBL, REQUEST, REQUEST_USBL, REQUEST_DEPTH = 0, 1, 2, 4, 6
+_WITH_ANGLES = (ONE_WAY_USBL, REQUEST_USBL + 1, REQUEST_DEPTH + 1)
+SUPPLY_MV = 12_000
+_DONE, _INVALID = bytes((Cst.OK,)), bytes((Cst.PARAM_INVALID,))
+
+
+def encode_line(payload: bytes) -> bytes:
+    """Return a beacon's line."""
+    return b"$" + (payload + pack("<H", _CRC.of(payload))).hex().upper().encode() + b"\r\n"
+
+
+def decode_line(line: bytes) -> bytes:
+    """Return the bytes of a client's line, b"" of a malformed one."""
+    try:
+        data = bytes.fromhex(line[1:].decode("ascii"))
+    except ValueError:
+        return b""
+    is_sound = line[:1] == b"#" and data[-2:] == pack("<H", _CRC.of(data[:-2]))
+    return data[:-2] if is_sound else b""
+
+
+_DEVICE = read_device("seatrac")
+SETTINGS = read_messages(_DEVICE["records"])[0]
+AUTO_SOUND_SPEED, USE_ATTITUDE, REPORT_FIXES = 1, 1, 0x40  # bits of `environment` and of `flags`
+
+
+def first_settings(number: int) -> dict[str, Any]:
+    """Return the settings of a new beacon with this number."""
+    values = {name: bytes.fromhex(each) if isinstance(each, str) else each for name, each in _DEVICE["values"].items()}
+    return values | {"beacon": number}
+
+
+def are_valid(settings: dict[str, Any]) -> bool:
+    """Return whether all values are within the documented limits."""
+    return all(low <= settings[name] <= high for name, (low, high) in _DEVICE["limits"].items())
+
+
+class Place(NamedTuple):
+    """Where a beacon is: position (NED, m), attitude, and the speed of sound (m/s) that it computes with."""
+
+    position: Vector3
+    attitude: Quaternion
+    sound_speed: float
+
+    @property
+    def depth(self) -> float:
+        """Depth in m."""
+        return self.position[2]
+
+
+def deci(value: float) -> int:
+    """Return a value in tenths, within 16 bits."""
+    return max(-32_768, min(32_767, round(10.0 * value)))
+
+
+def attitude(of: Quaternion) -> bytes:
+    """Return yaw, pitch and roll."""
+    roll, pitch, yaw = to_euler(of)
+    return pack("<3h", round(10.0 * degrees(yaw) % 3600.0), deci(degrees(pitch)), deci(degrees(roll)))
+
+
+def encode_fix(
+    ids: tuple[int, int], kind: int, here: Place, relative: Vector3, turnaround: float, assumed: Quaternion | None,
+    remote_depth: float,
+) -> bytes:  # fmt: skip
+    """Return the record of an acoustic fix (ACOFIX).
+
+    `ids` are receiver and sender; `relative` (NED, m) is the measured way to the sender, `turnaround` (s) the other's.
+    A receiver with a USBL head computes the position with the `assumed` attitude, and of an enhanced response takes the
+    `remote_depth` (m) that that carries; one without has None.
+    """
+    has_range, has_usbl = bool(kind & 1) and kind != ONE_WAY_USBL, assumed is not None and kind in _WITH_ANGLES
+    has_position = has_range and has_usbl
+    is_enhanced = has_position and kind == REQUEST_DEPTH + 1
+    distance = hypot(*relative)
+    flags = _RANGE * has_range | _USBL * has_usbl | _POSITION * has_position | _ENHANCED * is_enhanced
+    strength = deci(_SOURCE_LEVEL - 20.0 * log10(max(1.0, distance)))
+    data = pack("<4B", *ids, flags, kind) + attitude(here.attitude)
+    data += pack("<HHh", max(0, deci(here.depth)), round(10.0 * here.sound_speed), strength)
+    if has_range:
+        seconds = distance / here.sound_speed
+        counts = round((2.0 * seconds + turnaround) * _COUNTER)
+        data += pack("<IiH", counts, round(1e7 * seconds), min(65_535, round(10.0 * distance)))
+    x, y, z = rotate_inverse(here.attitude, relative)
+    if has_usbl:
+        azimuth = round(10.0 * degrees(atan2(y, x)) % 3600.0)
+        elevation = deci(degrees(asin(max(-1.0, min(1.0, -z / distance)))) if distance else 0.0)
+        data += pack("<B4hhh2x", 4, *[strength] * 4, azimuth, elevation)
+    if has_position and assumed:
+        north, east, down = rotate(assumed, (x, y, z))
+        data += pack("<3h", deci(east), deci(north), deci(remote_depth if is_enhanced else here.depth + down))
+    return data
 
 
 class Beacon:
@@ -22,7 +165,7 @@ class Beacon:
     """
 
     def __init__(self, end: str, memory: dict[str, Any], number: int, has_head: bool) -> None:
-        self._memory, self._default = memory, Settings(beacon=number)
+        self._memory, self._default = memory, first_settings(number)
         self.end, self.has_head = end, has_head
         self.queue = b""
         self.reboot(0)
@@ -32,28 +175,33 @@ class Beacon:
         self._began_ns, self.busy_until_ns = now_ns, 0
         self._apply(self._memory.get("settings", self._default), now_ns)
 
-    def _apply(self, settings: Settings, now_ns: int) -> None:
+    def _apply(self, settings: dict[str, Any] | None, now_ns: int) -> bytes:
+        """Take settings; return the result."""
+        if settings is None:
+            return bytes((Cst.PARAM_MISSING,))
+        if not are_valid(settings):
+            return _INVALID
         self.settings = settings
-        self.status_due_ns = now_ns if settings.status_mode else NEVER_NS
+        self.status_due_ns = now_ns if settings["status_mode"] else NEVER_NS
+        return _DONE
 
     def is_status_due(self, now_ns: int) -> bool:
         """Return whether it is time for the status, and set the time of the next."""
         if now_ns < self.status_due_ns:
             return False
-        period_ns = _PERIODS_MS[self.settings.status_mode] * NS_PER_MS
+        period_ns = _PERIODS_MS[self.settings["status_mode"]] * NS_PER_MS
         self.status_due_ns += period_ns * (1 + (now_ns - self.status_due_ns) // period_ns)
         return True
 
     def assumed(self, true: Quaternion) -> Quaternion:
         """Return the attitude with which positions are computed: its own, or the one that is set."""
-        values = self.settings
-        if values.flags & USE_ATTITUDE:
+        if self.settings["flags"] & USE_ATTITUDE:
             return true
-        return from_euler(*[radians(0.1 * value) for value in (values.roll, values.pitch, values.yaw)])
+        return from_euler(*[radians(0.1 * self.settings[name]) for name in ("roll", "pitch", "yaw")])
 
     def status(self, here: Place, pressure: float, temperature: float, now_ns: int) -> bytes:
         """Return the status with the parts that are switched on; `pressure` in Pa, `temperature` in °C."""
-        output = self.settings.status_output
+        output = self.settings["status_output"]
         data = pack("<BBQ", Cid.STATUS, output, (now_ns - self._began_ns) // NS_PER_MS)
         if output & 1:
             environment = round(10.0 * temperature), round(pressure / 100.0), round(10.0 * here.depth)
@@ -63,7 +211,7 @@ class Beacon:
         if output & 4:
             data += pack("<BBIB", 100, 1, self._seconds(now_ns), 100)
         if output & 8:
-            data += self.settings.calibration[:12]
+            data += self.settings["calibration"][:12]
         return data
 
     def _seconds(self, now_ns: int) -> int:
@@ -71,58 +219,40 @@ class Beacon:
 
     def answer(self, command: int, payload: bytes, now_ns: int) -> bytes | None:
         """Return the answer to a command that needs no sound; None to others."""
-        values = self.settings
-        data: bytes | None = None
-        if command == Cid.SYS_ALIVE:
-            data = pack("<I", self._seconds(now_ns))
-        elif command == Cid.SYS_INFO:
-            part = _X150 if self.has_head else _X110
-            data = pack("<IBHBIHH", self._seconds(now_ns), 1, part, 4, 1000 + values.beacon, 0, 0)
-            data += pack("<BHBBHI", 1, 795, 2, 4, 2097, 0) * 2 + b"\1"  # firmware of both processors
-        elif command == Cid.SYS_REBOOT:
-            data = bytes((Cst.OK if payload == _REBOOT else Cst.PARAM_INVALID,))
-            if payload == _REBOOT:
-                self.reboot(now_ns)
-        elif command == Cid.XCVR_STATUS:
-            data = bytes((Cst.REQUESTING if now_ns < self.busy_until_ns else Cst.IDLE,))
-        elif command == Cid.STATUS_CFG_GET:
-            data = bytes((values.status_output, values.status_mode))
-        elif command == Cid.SETTINGS_GET:
-            data = SETTINGS.pack(*values)
-        elif command == Cid.SETTINGS_SAVE:
-            self._memory["settings"], data = values, bytes((Cst.OK,))
-        elif command in (Cid.STATUS_CFG_SET, Cid.SETTINGS_SET, Cid.SETTINGS_LOAD, Cid.SETTINGS_RESET):
-            data = bytes((self._change_settings(command, payload, now_ns),))
-        elif command in (Cid.DAT_QUEUE_SET, Cid.DAT_QUEUE_CLR, Cid.DAT_QUEUE_STATUS):
-            data = self._change_queue(command, payload)
-        return None if data is None else bytes((command,)) + data
+        values, kept, destination = self.settings, self._memory, payload[:1] or b"\0"
+        status = {**values, "status_output": payload[0], "status_mode": payload[1]} if len(payload) > 1 else None
+        answers: dict[int, Callable[[], bytes]] = {
+            Cid.SYS_ALIVE: lambda: pack("<I", self._seconds(now_ns)),
+            Cid.SYS_INFO: lambda: self._information(now_ns),
+            Cid.SYS_REBOOT: lambda: self._restart(payload, now_ns),
+            Cid.XCVR_STATUS: lambda: bytes((Cst.REQUESTING if now_ns < self.busy_until_ns else Cst.IDLE,)),
+            Cid.STATUS_CFG_GET: lambda: bytes((values["status_output"], values["status_mode"])),
+            Cid.STATUS_CFG_SET: lambda: self._apply(status, now_ns),
+            Cid.SETTINGS_GET: lambda: SETTINGS.pack(values),
+            Cid.SETTINGS_SET: lambda: self._apply(SETTINGS.unpack(payload), now_ns),
+            Cid.SETTINGS_LOAD: lambda: self._apply(kept.get("settings", self._default), now_ns),
+            Cid.SETTINGS_SAVE: lambda: kept.update(settings=values) or _DONE,
+            Cid.SETTINGS_RESET: lambda: self._apply(self._default, now_ns),
+            Cid.DAT_QUEUE_SET: lambda: self._enqueue(payload),
+            Cid.DAT_QUEUE_CLR: lambda: self._enqueue(destination + b"\0")[:2],
+            Cid.DAT_QUEUE_STATUS: lambda: destination + bytes((len(self.queue),)),
+        }
+        return bytes((command,)) + answers[command]() if command in answers else None
 
-    def _change_queue(self, command: int, payload: bytes) -> bytes:
-        """Carry out a command on the data that wait for the other's request; the destination is not told apart."""
-        destination = payload[0] if payload else 0
-        if command == Cid.DAT_QUEUE_STATUS:
-            return bytes((destination, len(self.queue)))
-        if command == Cid.DAT_QUEUE_CLR:
-            self.queue = b""
-            return bytes((Cst.OK, destination))
+    def _information(self, now_ns: int) -> bytes:
+        part, number = _X150 if self.has_head else _X110, 1000 + self.settings["beacon"]
+        data = pack("<IBHBIHH", self._seconds(now_ns), 1, part, 4, number, 0, 0)
+        return data + pack("<BHBBHI", 1, 795, 2, 4, 2097, 0) * 2 + b"\1"  # firmware of both processors
+
+    def _restart(self, payload: bytes, now_ns: int) -> bytes:
+        if payload != _REBOOT:
+            return _INVALID
+        self.reboot(now_ns)
+        return _DONE
+
+    def _enqueue(self, payload: bytes) -> bytes:
+        """Take data that wait for the other's request; the destination is not told apart."""
         if len(payload) < 2 or len(payload) < 2 + payload[1] or payload[1] > _MOST_QUEUED:
-            return bytes((Cst.PARAM_INVALID, 0, 0))
+            return _INVALID + bytes(2)
         self.queue = payload[2 : 2 + payload[1]]
-        return bytes((Cst.OK, destination, len(self.queue)))
-
-    def _change_settings(self, command: int, payload: bytes, now_ns: int) -> Cst:
-        wanted = self._default
-        try:
-            if command == Cid.STATUS_CFG_SET:
-                output, mode = unpack("<BB", payload[:2])
-                wanted = self.settings._replace(status_output=output, status_mode=mode)
-            elif command == Cid.SETTINGS_SET:
-                wanted = Settings(*SETTINGS.unpack(payload))
-            elif command == Cid.SETTINGS_LOAD:
-                wanted = self._memory.get("settings", wanted)
-        except error:
-            return Cst.PARAM_MISSING
-        if not wanted.is_valid():
-            return Cst.PARAM_INVALID
-        self._apply(wanted, now_ns)
-        return Cst.OK
+        return _DONE + payload[:1] + bytes((len(self.queue),))

@@ -10,9 +10,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 from hil.common.clock import NEVER_NS, NS_PER_MS, seconds_ns
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.seatrac import messages
-from hil.instruments.seatrac.beacon import Beacon
-from hil.instruments.seatrac.messages import Cid, Cst, Place
+from hil.instruments.seatrac import beacon as messages
+from hil.instruments.seatrac.beacon import Beacon, Cid, Cst, Place
 from hil.instruments.streams import LineInstrument
 from sim.environment.seawater.pressure import ATMOSPHERE_PA
 from sim.environment.seawater.water_column import SOUND_SPEED
@@ -148,8 +147,8 @@ class SeatracLink(LineInstrument):
         position, turned = self.facts.mounting.world_position(state), self.facts.mounting.attitude(state)
         if beacon.end == "station":
             position, turned = self.facts.model.station, from_euler(0.0, 0.0, self.settings.heading)
-        is_automatic = beacon.settings.environment & messages.AUTO_SOUND_SPEED
-        speed = self.facts.sound_speed(position[2]) if is_automatic else beacon.settings.sound_speed / 10.0
+        is_automatic = beacon.settings["environment"] & messages.AUTO_SOUND_SPEED
+        speed = self.facts.sound_speed(position[2]) if is_automatic else beacon.settings["sound_speed"] / 10.0
         return Place(position, turned, speed)
 
     def _status(self, beacon: Beacon, now_ns: int) -> bytes | None:
@@ -183,8 +182,8 @@ class SeatracLink(LineInstrument):
             if not end_ns:
                 result = Cst.BUSY
             elif is_request:
-                longest_ns = self.settings.modem.airtime_ns(31) + beacon.settings.turnaround * NS_PER_MS
-                until_ns = end_ns + longest_ns + seconds_ns(2.0 * beacon.settings.range_limit / SOUND_SPEED)
+                longest_ns = self.settings.modem.airtime_ns(31) + beacon.settings["turnaround"] * NS_PER_MS
+                until_ns = end_ns + longest_ns + seconds_ns(2.0 * beacon.settings["range_limit"] / SOUND_SPEED)
                 beacon.busy_until_ns = until_ns
                 self._at(until_ns, lambda _: self._time_out(beacon, exchange, until_ns))
         return bytes((command, result, destination))
@@ -217,20 +216,20 @@ class SeatracLink(LineInstrument):
     def _arrive(self, beacon: Beacon, exchange: Exchange, due_ns: int) -> None:
         """Report a message at a beacon that is free for it or has waited for this response, and answer a request."""
         is_response = exchange.kind >= messages.REQUEST and bool(exchange.kind & 1)
-        is_meant = is_response or exchange.destination in (0, beacon.settings.beacon)
+        is_meant = is_response or exchange.destination in (0, beacon.settings["beacon"])
         is_waiting = due_ns < beacon.busy_until_ns
         fix = self._fix(beacon, exchange, due_ns) if is_meant and is_waiting == is_response else None
         if fix is None:
             return
         if is_response:
             beacon.busy_until_ns = 0
-            if beacon.settings.flags & messages.REPORT_FIXES:
+            if beacon.settings["flags"] & messages.REPORT_FIXES:
                 self._report(beacon, bytes((Cid.XCVR_FIX,)) + fix, due_ns)
         number = exchange.command + (2 if is_response and exchange.command != Cid.DAT_SEND else 1)
         self._report(beacon, bytes((number,)) + fix + _body(exchange, is_response), due_ns)
         if exchange.kind >= messages.REQUEST and not is_response:
             response = exchange._replace(kind=exchange.kind + 1, content=self._response(beacon, exchange, due_ns))
-            sent_ns = due_ns + beacon.settings.turnaround * NS_PER_MS
+            sent_ns = due_ns + beacon.settings["turnaround"] * NS_PER_MS
             self._at(sent_ns, lambda at_ns: self._transmit(beacon, response, at_ns))
 
     def _response(self, beacon: Beacon, exchange: Exchange, now_ns: int) -> bytes:
@@ -263,9 +262,9 @@ class SeatracLink(LineInstrument):
             return None
         x, y, z = [a - b for a, b in zip(sample.position, self.facts.model.station, strict=True)]
         relative = (x, y, z) if beacon.end == "station" else (-x, -y, -z)
-        ids = beacon.settings.beacon if exchange.destination else 0, other.settings.beacon
+        ids = beacon.settings["beacon"] if exchange.destination else 0, other.settings["beacon"]
         assumed = beacon.assumed(here.attitude) if beacon.has_head else None
-        turnaround = other.settings.turnaround * 1e-3
+        turnaround = other.settings["turnaround"] * 1e-3
         return messages.encode_fix(ids, exchange.kind, here, relative, turnaround, assumed, there.depth)
 
 

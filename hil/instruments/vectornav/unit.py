@@ -28,7 +28,9 @@ _ACCEPTED = ("VNKMD", "VNKAD", "VNSGB")
 _IDENTITY = (1, 2, 3, 4)  # model, revision of the hardware, serial number, firmware
 _BAUD, _KIND, _RATE, _PROTOCOL, _BINARY = 5, 6, 7, 30, (75, 76, 77)
 _WITH_RECEIVER: list[int] = DEVICE["with_receiver"]
-_OF_PORT = {int(number): set(values) for number, values in DEVICE["of_port"].items()}  # of one port
+_OF_PORT: dict[int, set[str]] = {
+    int(number): set(values) for number, values in DEVICE["of_port"].items()
+}  # of one port
 _KINDS: dict[str, tuple[str, int]] = DEVICE["asynchronous"]  # of asynchronous output: header and register
 
 
@@ -70,7 +72,9 @@ class Vn100(LineInstrument):
     def _restart(self) -> None:
         identity = dict(zip(_IDENTITY, (self.model_number, "7", "0100011981", "2.1.0.0"), strict=True))
         factory = {int(number): text for number, text in DEVICE["factory"].items()}
-        self._registers = factory | identity | {_KIND: self.default_kind, _BAUD: str(self.facts.baud)} | self._kept
+        self._registers: dict[int, str] = (
+            factory | identity | {_KIND: self.default_kind, _BAUD: str(self.facts.baud)} | self._kept
+        )
         self._is_paused = False
         self._due_ns = dict.fromkeys(self._registers, 0)
 
