@@ -11,8 +11,8 @@ and it answers by `send`. It never raises on what comes off a wire: it counts th
 made again whenever its power comes back; only `facts.memory` outlives that, as the flash memory of a device does.
 """
 
-from abc import ABC
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple, Protocol
 
 from hil.client.client import Stamped
@@ -171,3 +171,67 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
         """Answer a request of HTTP, in the same thread as all else. Never raises."""
         return Response(b"", 404)
+
+
+class Reader(Protocol):
+    """Finds the messages in the bytes of one client; counts in `malformed` what is none."""
+
+    malformed: int
+
+    def read(self, data: bytes) -> Iterable[Any]:
+        """Return the messages that are complete with `data`. Never raises."""
+
+
+class Lines:
+    """Joins pieces to lines without their ends; of one without an end the last `longest` bytes count, in `rest`."""
+
+    def __init__(self, longest: int) -> None:
+        self.rest, self._longest = b"", longest
+        self.malformed = 0
+
+    def read(self, data: bytes) -> Iterable[bytes]:
+        """Return each line that is complete, except empty ones."""
+        *lines, rest = (self.rest + data).replace(b"\r", b"\n").split(b"\n")
+        self.rest = rest[-self._longest :]
+        return filter(None, lines)
+
+
+class StreamInstrument(Instrument):
+    """Hands on each message of a client."""
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        super().__init__(settings, facts, scene, send)
+        self._readers: dict[Client, Reader] = {}
+
+    @abstractmethod
+    def new_reader(self, client: Client) -> Reader:
+        """Return the reader of a client."""
+
+    @abstractmethod
+    def on_message(self, client: Client, message: Any, now_ns: int) -> None:
+        """Carry out a message. Never raises."""
+
+    def connected(self, client: Client, now_ns: int) -> None:
+        """Take up a client."""
+        self._readers[client] = self.new_reader(client)
+
+    def disconnected(self, client: Client, now_ns: int) -> None:
+        """Forget a client."""
+        self._readers.pop(client, None)
+
+    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
+        """Hand on the messages that are complete."""
+        reader = self._readers[client]
+        for message in reader.read(data):
+            self.on_message(client, message, now_ns)
+        self.malformed, reader.malformed = self.malformed + reader.malformed, 0
+
+
+class LineInstrument(StreamInstrument):
+    """Hands on each line, which has no end and is not empty; `longest` as for `Lines`."""
+
+    longest = 256
+
+    def new_reader(self, client: Client) -> Reader:
+        """Return the reader of a client."""
+        return Lines(self.longest)

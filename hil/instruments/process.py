@@ -4,14 +4,14 @@ import select
 import threading
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import Any
+from typing import Any, TextIO
 
 from hil.client.client import Stamped, VehicleClient
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, now_ns
 from hil.common.errors import ConfigError
 from hil.common.stop import Wakeup
 from hil.instruments.contract import Facts, Instrument, Response
-from hil.instruments.station import Sent, Station
+from hil.instruments.station import Station
 from hil.instruments.table import load_instrument
 from hil.instruments.world import LiveScene, LiveWorld
 from hil.network.session import Session
@@ -25,7 +25,7 @@ TURN_NS = 20 * NS_PER_MS  # within which new connections, lost devices and unsen
 class Instruments:
     """The instruments `names` of a scenario on a session to its slave. Raises NetworkError.
 
-    `report` gets lines for a person; `sent` is told of each measurement that was written (`station.Sent`).
+    `report` gets lines for a person; the file `sent` a line for each measurement that was written.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Instruments:
         node: str,
         names: Collection[str],
         report: Callable[[str], None],
-        sent: Sent | None = None,
+        sent: TextIO | None = None,
     ) -> None:
         self._event = Wakeup()
         self._lock = threading.RLock()  # an instrument is called by one thread at a time

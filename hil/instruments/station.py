@@ -3,24 +3,32 @@
 from collections.abc import Callable, Iterator
 from functools import partial
 from random import Random
-from typing import Any
+from typing import Any, NamedTuple, TextIO
 
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, seconds_ns
 from hil.instruments.contract import Client, Facts, Instrument, Response, Scene
-from hil.instruments.sent import Measurement
 from hil.instruments.wires import Wires
 from hil.scenario.instrument_records import InstrumentFaults, InstrumentSpec
 
 MOST_NOISE = 40  # random bytes at once
-Sent = Callable[[Measurement], None]
+
+
+class Measurement(NamedTuple):
+    """What was written: sensor, number of the wire, bytes of the message, of all to its client, when measured (ns)."""
+
+    name: str
+    wire: int
+    size: int
+    total: int
+    measured_ns: int
 
 
 class Station:
     """An instrument of the class `kind` from `began_ns` on. Raises NetworkError for a port in use.
 
-    `report` gets lines for a person, `sent` each message with a measurement, when it has been written. `serve` is
-    called for each request of HTTP with the station, method, path, query and body.
+    `report` gets lines for a person; the file `sent` a line for each `Measurement` that was written, for `uuv-hil
+    instruments check`. `serve` is called for each request of HTTP with the station, method, path, query and body.
     """
 
     def __init__(
@@ -32,7 +40,7 @@ class Station:
         began_ns: int,
         report: Callable[[str], None],
         serve: Callable[..., Response | None],
-        sent: Sent | None = None,
+        sent: TextIO | None = None,
     ) -> None:
         self._spec, self._kind, self._facts, self._scene = spec, kind, facts, scene
         self._began_ns, self._report, self._serve, self._sent = began_ns, report, serve, sent
@@ -139,7 +147,8 @@ class Station:
                 self._written[client] = self._written.get(client, 0) + len(damaged)
                 if measured_ns and self._sent:
                     written = self._written[client]
-                    self._sent(Measurement(self._facts.name, client.wire, len(damaged), written, measured_ns))
+                    line = Measurement(self._facts.name, client.wire, len(damaged), written, measured_ns)
+                    self._sent.write(" ".join(map(str, line)) + "\n")  # at once: several processes write there
 
 
 def _is_within(spans: tuple[tuple[Any, Any], ...], seconds: float) -> bool:

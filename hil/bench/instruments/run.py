@@ -14,7 +14,7 @@ from hil.bench.instruments.reader import ASKS, Ask, Reader, post, wait_for
 from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.common.quantiles import quantile
-from hil.instruments.sent import Measurement, read_sent
+from hil.instruments.station import Measurement
 from hil.instruments.table import load_instrument
 from hil.scenario.instrument_records import WireAddress
 
@@ -106,7 +106,9 @@ def check(bench: Bench, seconds: float, endpoint: str = "") -> list[Seen]:
         _read(readers.values(), seconds, lambda: serving.running)
         if not serving.running:
             raise NetworkError(f"the process of the instruments {serving.ending}")
-        measured = list(read_sent(sent_path))
+        with open(sent_path, encoding="utf-8") as file:
+            rows = [text.split() for text in file if text.endswith("\n")]  # the last one may be incomplete
+        measured = [Measurement(name, *map(int, numbers)) for name, *numbers in rows]
         return [_seen(wire, readers.get(wire), measured, seconds) for wire in wires]
 
 

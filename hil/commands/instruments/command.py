@@ -4,7 +4,6 @@ import argparse
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from functools import partial
 
 from hil.commands.listening import add_connect, own_endpoint
 from hil.common.children import module_command, start_child
@@ -35,7 +34,6 @@ def main(arguments: list[str]) -> int:
     if scenario.member:
         scenario = as_member(scenario, options.vehicle)
     from hil.instruments.process import Instruments, fitted_names
-    from hil.instruments.sent import write_sent
 
     shared, alone = fitted_names(scenario)
     names = [options.only] if options.only else shared or alone[:1]
@@ -43,8 +41,7 @@ def main(arguments: list[str]) -> int:
         stop_fd = stack.enter_context(StopSignals())
         sent = None
         if options.sent:
-            file = stack.enter_context(open(options.sent, "a", encoding="utf-8", buffering=1))
-            sent = partial(write_sent, file)
+            sent = stack.enter_context(open(options.sent, "a", encoding="utf-8", buffering=1))
         endpoints = options.connect or [own_endpoint(scenario)]
         session = stack.enter_context(
             open_master_session(*endpoints, network=scenario.network, security=scenario.security)

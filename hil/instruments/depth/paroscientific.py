@@ -9,8 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.streams import LineInstrument
+from hil.instruments.contract import Client, Facts, LineInstrument, Scene, Send
 
 _COMMAND = re.compile(rb"\*(\d\d)(\d\d)([A-Z]{2}|[A-Z]\d)(?:=([^*\r\n]{1,8}))?")
 _ALL = b"99"

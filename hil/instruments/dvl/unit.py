@@ -13,10 +13,9 @@ from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.contract import Client, Facts, Lines, Scene, Send, StreamInstrument
 from hil.instruments.dvl.formats import FORMATS, crc8, json_line, line, word
 from hil.instruments.dvl.report import Config, DeadReckoning, RangeMode, Report, with_fix
-from hil.instruments.streams import Lines, StreamInstrument
 from sim.rotations import multiply
 
 POSITION_NS = NS_PER_S // 5

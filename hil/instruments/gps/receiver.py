@@ -6,11 +6,10 @@ from typing import Any
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, to_wall_ns
 from hil.common.vectors import Vector3
-from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.contract import Client, Facts, Reader, Scene, Send, StreamInstrument
 from hil.instruments.gps import configuration as keys
 from hil.instruments.gps import nmea, ubx
 from hil.instruments.gps.sky import SPEED_ACCURACY, Epoch, make_epoch
-from hil.instruments.streams import Reader, StreamInstrument
 from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import Sensor

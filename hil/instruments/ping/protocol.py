@@ -8,9 +8,8 @@ import struct
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.contract import Client, Facts, Reader, Scene, Send, StreamInstrument
 from hil.instruments.layout import read_device, read_messages
-from hil.instruments.streams import Reader, StreamInstrument
 
 _START = b"BR"
 _HEADER = struct.Struct("<2sHHBB")

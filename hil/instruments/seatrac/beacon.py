@@ -1,4 +1,4 @@
-"""One SeaTrac beacon, and the lines and records of its serial protocol: little endian bytes as hexadecimal digits, with CRC-16.
+"""One SeaTrac beacon, and its serial protocol: lines of little endian bytes as hexadecimal digits, with a CRC-16.
 
 What is public leaves something open: here the time of a range is one way, and an elevation is positive above the
 beacon's plane.

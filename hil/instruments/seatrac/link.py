@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, seconds_ns
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.contract import Client, Facts, LineInstrument, Scene, Send
 from hil.instruments.seatrac import beacon as messages
 from hil.instruments.seatrac.beacon import Beacon, Cid, Cst, Place
-from hil.instruments.streams import LineInstrument
 from sim.environment.seawater.pressure import ATMOSPHERE_PA
 from sim.environment.seawater.water_column import SOUND_SPEED
 from sim.modems.acoustic import AcousticChannel, AcousticModem

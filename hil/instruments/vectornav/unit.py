@@ -7,9 +7,8 @@ from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
 from hil.common.plugins import load_object
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.contract import Client, Facts, LineInstrument, Scene, Send
 from hil.instruments.gps.sky import make_epoch
-from hil.instruments.streams import LineInstrument
 from hil.instruments.vectornav.outputs import DEVICE, MEASURED, NO_EPOCH, Measurement, checksum, parse_output, text_of
 from hil.instruments.vectornav.outputs import line as encode_line
 from sim.rotations import rotate

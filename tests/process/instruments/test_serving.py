@@ -11,7 +11,7 @@ import pytest
 
 from hil.common.ports import free_ports
 from hil.instruments.contract import Response
-from hil.instruments.web import serve_web
+from hil.instruments.wires import serve_web
 from tests.support.processes import (
     PATIENCE_S,
     Program,
