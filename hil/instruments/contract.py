@@ -174,11 +174,11 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
 
 
 class Reader(Protocol):
-    """Finds the messages in the bytes of one client; counts in `malformed` what is none."""
+    """Finds the messages in the bytes of one client, and counts in `malformed` what is none."""
 
     malformed: int
 
-    def read(self, data: bytes) -> Iterable[Any]:
+    def read(self, data: bytes, now_ns: int = 0) -> Iterable[Any]:
         """Return the messages that are complete with `data`. Never raises."""
 
 
@@ -187,10 +187,11 @@ class Lines:
 
     def __init__(self, longest: int) -> None:
         self.rest, self._longest = b"", longest
-        self.malformed = 0
+        self.malformed = self.read_ns = 0
 
-    def read(self, data: bytes) -> Iterable[bytes]:
+    def read(self, data: bytes, now_ns: int = 0) -> Iterable[bytes]:
         """Return each line that is complete, except empty ones."""
+        self.read_ns = now_ns
         *lines, rest = (self.rest + data).replace(b"\r", b"\n").split(b"\n")
         self.rest = rest[-self._longest :]
         return filter(None, lines)
@@ -201,7 +202,7 @@ class StreamInstrument(Instrument):
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        self._readers: dict[Client, Reader] = {}
+        self.readers: dict[Client, Any] = {}  # by the clients that are there
 
     @abstractmethod
     def new_reader(self, client: Client) -> Reader:
@@ -213,16 +214,16 @@ class StreamInstrument(Instrument):
 
     def connected(self, client: Client, now_ns: int) -> None:
         """Take up a client."""
-        self._readers[client] = self.new_reader(client)
+        self.readers[client] = self.new_reader(client)
 
     def disconnected(self, client: Client, now_ns: int) -> None:
         """Forget a client."""
-        self._readers.pop(client, None)
+        self.readers.pop(client, None)
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Hand on the messages that are complete."""
-        reader = self._readers[client]
-        for message in reader.read(data):
+        reader = self.readers[client]
+        for message in reader.read(data, now_ns):
             self.on_message(client, message, now_ns)
         self.malformed, reader.malformed = self.malformed + reader.malformed, 0
 

@@ -4,13 +4,14 @@ Source: Keller, "Description of the communication protocol for series 30, 33X ..
 requests only; pressure in bar, temperature in °C, numbers big endian.
 """
 
+from collections.abc import Iterator
 from struct import pack, unpack
 from typing import Annotated, Any, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.clock import NS_PER_MS
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.contract import Client, Facts, Reader, Scene, Send, StreamInstrument
 from hil.links.frame.checksums import CRCS, crc_checksum
 
 _CRC = crc_checksum(CRCS["crc16-modbus"])
@@ -40,7 +41,27 @@ class KellerSettings(NamedTuple):
     echo: bool = False
 
 
-class Keller33X(Instrument):
+class Requests:
+    """The requests of a client, by the sizes of their functions; after a silence a new one begins."""
+
+    def __init__(self) -> None:
+        self._buffer, self._last_ns = b"", 0
+        self.malformed = 0
+
+    def read(self, data: bytes, now_ns: int = 0) -> Iterator[bytes]:
+        """Yield each request that is complete."""
+        if self._buffer and now_ns - self._last_ns > _SILENCE_NS:
+            self._buffer, self.malformed = b"", self.malformed + 1
+        self._buffer, self._last_ns = self._buffer + data, now_ns
+        while len(self._buffer) >= 2 and len(self._buffer) >= (size := _size(self._buffer)):
+            request, self._buffer = self._buffer[:size], self._buffer[size:]
+            if request[-2:] == _checksum(request[:-2]):
+                yield request
+            else:
+                self._buffer, self.malformed = b"", self.malformed + 1
+
+
+class Keller33X(StreamInstrument):
     """The transmitter. Its zero, gain, offset and address can be set, and are kept.
 
     A request reads the last sample. The device measures 400 times a second, so give the sensor a high rate.
@@ -60,38 +81,25 @@ class Keller33X(Instrument):
         self._is_initialised = False
         self._bar: float | None = None
         self._measured_ns = 0
-        self._buffers: dict[Client, tuple[bytes, int]] = {}
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Take the pressure that the next request reads."""
         self._bar, self._measured_ns = stamped.value.pascal / 1e5, stamped.sent_ns
 
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client."""
-        self._buffers.pop(client, None)
+    def new_reader(self, client: Client) -> Reader:
+        """Return the reader of a client."""
+        return Requests()
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Answer a request when it is complete."""
         if self.settings.echo:
             self.send(data, client)
-        buffer, last_ns = self._buffers.get(client, (b"", now_ns))
-        if buffer and now_ns - last_ns > _SILENCE_NS:
-            buffer, self.malformed = b"", self.malformed + 1
-        buffer += data
-        while len(buffer) >= 2 and len(buffer) >= self._size(buffer):
-            size = self._size(buffer)
-            request, buffer = buffer[:size], buffer[size:]
-            if request[-2:] != _checksum(request[:-2]):
-                buffer, self.malformed = b"", self.malformed + 1
-            elif request[0] in (self._kept["address"], _TRANSPARENT):
-                self._answer(client, request)
-        self._buffers[client] = buffer, now_ns
+        super().on_data(client, data, now_ns)
 
-    @staticmethod
-    def _size(request: bytes) -> int:
-        """Return the size of a request; a zero may have a value with it, and an unknown function is as short as any."""
-        size = _SIZES.get(request[1], 4)
-        return 9 if request[1] == _ZERO and len(request) >= 9 else size
+    def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
+        """Answer a request to this device."""
+        if message[0] in (self._kept["address"], _TRANSPARENT):
+            self._answer(client, message)
 
     def _answer(self, client: Client, request: bytes) -> None:
         function, content = request[1], request[2:-2]
@@ -160,3 +168,8 @@ class Keller33X(Instrument):
 def _checksum(body: bytes) -> bytes:
     order = "<H" if body[1] & 0x7F in _MODBUS else ">H"
     return pack(order, _CRC.of(body))
+
+
+def _size(request: bytes) -> int:
+    """Return the size of a request; a zero may have a value with it, and an unknown function is as short as any."""
+    return 9 if request[1] == _ZERO and len(request) >= 9 else _SIZES.get(request[1], 4)

@@ -76,7 +76,6 @@ class Dvl(StreamInstrument):
         self._kept = facts.memory  # what outlives the power: the configuration, and the protocol on serial lines
         self._kept.setdefault("config", Config(*[getattr(settings, key) for key in Config._fields]))
         self._kept.setdefault("protocol", settings.serial_protocol)
-        self._read_ns: dict[Client, int] = {}
         self._reckoning, self._mode = DeadReckoning(), RangeMode()
         self._triggers = 0  # pings that wait
         self._calibrations: deque[tuple[int, Callable[[], None]]] = deque()  # when they end, and what then
@@ -123,16 +122,16 @@ class Dvl(StreamInstrument):
         """Send what is due: dead reckoning, answers of calibrations, refusals of incomplete lines."""
         if now_ns >= self._position_ns:
             self._position_ns = max(self._position_ns + POSITION_NS, now_ns)
-            for client in self._readers:
+            for client in self.readers:
                 encode = FORMATS.get(self._format(client), (None, None))[1]
                 if encode:
                     self.send(encode(self._reckoning, self.settings.software, now_ns), client)
         while self._calibrations and self._calibrations[0][0] <= now_ns:
             self._calibrations.popleft()[1]()
         due_ns = min(self._position_ns, self._calibrations[0][0] if self._calibrations else NEVER_NS)
-        for client, lines in self._readers.items():
-            if isinstance(lines, Lines) and lines.rest and client.kind != "tcp":
-                until_ns = self._read_ns[client] + PAUSE_NS
+        for client, lines in self.readers.items():
+            if lines.rest and client.kind != "tcp":
+                until_ns = lines.read_ns + PAUSE_NS
                 if now_ns >= until_ns or len(lines.rest) >= LONGEST_LINE:
                     lines.rest = b""
                     self._reply(client, "wr?")
@@ -172,17 +171,12 @@ class Dvl(StreamInstrument):
             noise, speed = self.facts.model.velocity.noise, self.facts.sound_speed(self._depth)
             report = with_fix(report, sample.velocity, altitude or -1.0, self._orientation, noise, config, speed)
         self._reckoning.move(report, measured_ns)
-        for client in self._readers:
+        for client in self.readers:
             if chosen := self._format(client):
                 data = FORMATS[chosen][0](report, config, self.settings.software, now_ns)
                 self.send(data, client, measured_ns=measured_ns)
 
     # --- commands
-
-    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
-        """Take commands of a client."""
-        self._read_ns[client] = now_ns
-        super().on_data(client, data, now_ns)
 
     def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
         """Execute one line, and respond; a client of PD4 or PD6 over TCP has no commands."""

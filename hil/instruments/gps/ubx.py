@@ -39,7 +39,7 @@ class Reader:
         self._buffer = b""
         self.malformed = 0
 
-    def read(self, data: bytes) -> Iterator[tuple[int, int, bytes]]:
+    def read(self, data: bytes, now_ns: int = 0) -> Iterator[tuple[int, int, bytes]]:
         """Yield class, number and payload of each complete message; of a PUBX sentence its number and its fields."""
         self._buffer += data
         while len(self._buffer) >= 3:

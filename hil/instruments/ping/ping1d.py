@@ -48,13 +48,7 @@ class Ping1D(EchoSounder):
         self.values |= {"pcb_temperature": warmth, "processor_temperature": warmth, "device_revision": self.revision}
         self.values["voltage_5"] = round(1000 * settings.supply)
         self.measured = dict(self.values)
-        self._streams: dict[Client, set[int]] = {}
         self._in_bootloader = False
-
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client and what it started."""
-        super().disconnected(client, now_ns)
-        self._streams.pop(client, None)
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Answer requests, and execute commands; not in the bootloader."""
@@ -70,7 +64,7 @@ class Ping1D(EchoSounder):
         elif name in ("continuous_start", "continuous_stop"):
             if fields["id"] not in self.measurements:
                 return "cannot stream this message"
-            streams = self._streams.setdefault(client, set())
+            streams = self.readers[client].streams
             (streams.add if name == "continuous_start" else streams.discard)(fields["id"])
         else:
             self.values.update(fields)
@@ -97,8 +91,8 @@ class Ping1D(EchoSounder):
             "profile_data_length": len(profile),
         }  # fmt: skip
         self.data, self.measured = profile, dict(values)
-        for client, numbers in self._streams.items():
-            for number in numbers:
+        for client, reader in self.readers.items():
+            for number in reader.streams:
                 self.send_message(number, client, at_ns)
         self.adapt(end, sounding, *[bool(values["mode_auto"])] * 2)
 

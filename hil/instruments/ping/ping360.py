@@ -76,14 +76,10 @@ class Ping360(PingDevice):
             return
         super().on_data(client, data, now_ns)
 
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client; a scan that it has started ends."""
-        super().disconnected(client, now_ns)
-        if client == self._owner:
-            self._next_ns = NEVER_NS
-
     def tick(self, now_ns: int) -> int:
-        """Do what is due."""
+        """Do what is due, while the client is there that has started it."""
+        if self._owner not in self.readers:
+            self._next_ns = NEVER_NS
         while self._next_ns <= now_ns:
             self._next_ns = next(self._steps, NEVER_NS)
         return self._next_ns

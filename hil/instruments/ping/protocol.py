@@ -41,8 +41,10 @@ class Decoder:
     def __init__(self) -> None:
         self._buffer = bytearray()
         self.malformed = 0  # frames with a wrong sum or length
+        self.host = 0  # number of the client, as it gives it
+        self.streams: set[int] = set()  # numbers of the messages that it gets without asking
 
-    def read(self, data: bytes) -> list[Frame]:
+    def read(self, data: bytes, now_ns: int = 0) -> list[Frame]:
         """Return the frames that `data` completes."""
         buffer, frames, at = self._buffer, [], 0
         buffer += data
@@ -95,12 +97,6 @@ class PingDevice(StreamInstrument):
             "firmware_version_minor": minor, "firmware_version_patch": patch, **self.at_power_on,
         }  # fmt: skip
         self.measured, self.data = self.values, b""
-        self._hosts: dict[Client, int] = {}  # number of each client, as it gives it
-
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client."""
-        super().disconnected(client, now_ns)
-        self._hosts.pop(client, None)
 
     def new_reader(self, client: Client) -> Reader:
         """Return the reader of a client."""
@@ -110,7 +106,7 @@ class PingDevice(StreamInstrument):
         """Answer a request, or execute a command."""
         if message.destination not in (*_ANY_DEVICE, self.values["device_id"]):
             return
-        self._hosts[client] = message.source
+        self.readers[client].host = message.source
         number, payload, why = message.number, message.payload, "wrong length"
         if number in self._commands:
             why = self._command(client, number, payload, now_ns)
@@ -153,5 +149,6 @@ class PingDevice(StreamInstrument):
         return ""
 
     def _put(self, client: Client, number: int, payload: bytes, measured_ns: int = 0) -> None:
-        frame = Frame(number, payload, self.values["device_id"], self._hosts.get(client, 0))
-        self.send(encode(frame), client, measured_ns=measured_ns)
+        if client in self.readers:
+            frame = Frame(number, payload, self.values["device_id"], self.readers[client].host)
+            self.send(encode(frame), client, measured_ns=measured_ns)

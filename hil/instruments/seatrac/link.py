@@ -72,7 +72,6 @@ class SeatracLink(LineInstrument):
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
         self._sensor: Sensor | None = None
-        self._clients: dict[Client, Beacon] = {}
         self._beacons: dict[str, Beacon] = {}
         for end, number in (("station", 15), ("vehicle", 1)):
             memory = facts.memory.setdefault(end, {})
@@ -91,21 +90,14 @@ class SeatracLink(LineInstrument):
     def _other(self, beacon: Beacon) -> Beacon:
         return self._beacons["vehicle" if beacon.end == "station" else "station"]
 
-    def connected(self, client: Client, now_ns: int) -> None:
-        """Take up a client of one of the beacons."""
-        super().connected(client, now_ns)
+    def _of(self, client: Client) -> Beacon:
         first = self._beacons[self.settings.end]
-        self._clients[client] = self._other(first) if client.wire else first
-
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client."""
-        super().disconnected(client, now_ns)
-        self._clients.pop(client, None)
+        return self._other(first) if client.wire else first
 
     def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
         """Carry out a command."""
         self._let_happen(now_ns)
-        payload, beacon, answer = messages.decode_line(message), self._clients[client], None
+        payload, beacon, answer = messages.decode_line(message), self._of(client), None
         if payload and payload[0] in _DATA:
             answer = self._begin(beacon, payload[0], payload[1:], now_ns)
         elif payload:
@@ -126,7 +118,7 @@ class SeatracLink(LineInstrument):
         return min(first_ns, *[beacon.status_due_ns for beacon in self._beacons.values()])
 
     def _report(self, beacon: Beacon, payload: bytes, measured_ns: int = 0) -> None:
-        for client in [client for client, of in self._clients.items() if of is beacon]:
+        for client in [client for client in self.readers if self._of(client) is beacon]:
             self.send(messages.encode_line(payload), client, measured_ns=measured_ns)
 
     def _let_happen(self, now_ns: int) -> None:
