@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, Process, await_vehicle
 from hil.bench.presence import check_end, check_present, simulation_of
-from hil.bench.processes import Threads, read_threads, role, shares, thread_names
+from hil.bench.processes import Usage, read_usage, role, shares
 from hil.bench.statistics import median, spread
 from hil.common.errors import HilError
 from hil.ros.topics import TOPICS, is_picture
@@ -30,11 +30,10 @@ class Setting(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """Cost of one process, a value a second: CPU (share of a core), memory (MiB), CPU of each of its threads."""
+    """Cost of one process, a value a second: CPU (share of a core), memory (MiB)."""
 
     cpu: list[float]
     memory: list[float]
-    threads: dict[str, list[float]]
 
 
 class Course(NamedTuple):
@@ -109,12 +108,12 @@ def run(
             for client in clients:
                 client.command(VelocityCommand(surge=0.3))
 
-        def read_all() -> Threads:
+        def read_all() -> Usage:
             for client, slave in pairs:
                 check_present(client, slave)
             for client, slave in pairs:
                 _name(slave, f"{client.node} " if len(pairs) > 1 else "", names)
-            return read_threads(list(names))
+            return read_usage(list(names))
 
         _pace(EVERY_S, command)  # the first second is that of the start
         readings = [read_all()]
@@ -143,16 +142,13 @@ def _pace(seconds: float, command: Callable[[], None]) -> None:
         time.sleep(1.0 / COMMAND_HZ)
 
 
-def course(setting: Setting, readings: list[Threads], names: dict[int, str]) -> Course:
+def course(setting: Setting, readings: list[Usage], names: dict[int, str]) -> Course:
     """Return CPU and memory of the named processes between the readings."""
     steps = [shares(before, after) for before, after in pairwise(readings)]
-    threads = thread_names({key for each in readings for key in each.cpu_s})
-    processes: dict[str, Cost] = {}
+    processes = {}
     for pid, name in names.items():
-        own = {key: thread for key, thread in threads.items() if key.startswith(f"{pid}/")}
-        cost = {thread: [step.get(key, 0.0) for step in steps] for key, thread in own.items()}
         memory = [each.memory[pid].pss_mib if pid in each.memory else 0.0 for each in readings[1:]]
-        processes[name] = Cost([sum(step.get(key, 0.0) for key in own) for step in steps], memory, cost)
+        processes[name] = Cost([step.get(pid, 0.0) for step in steps], memory)
     return Course(setting, processes)
 
 

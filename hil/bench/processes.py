@@ -1,4 +1,4 @@
-"""Measure the cost of processes over time, per thread, with psutil."""
+"""Measure the cost of processes over time with psutil."""
 
 import time
 from collections.abc import Iterable
@@ -16,11 +16,12 @@ class Memory(NamedTuple):
     private_mib: float
 
 
-class Threads(NamedTuple):
-    """Processor time (s) that each thread of some processes has used, by "process id/thread id name"; memory by pid."""
+class Usage(NamedTuple):
+    """What some processes have used: processor time (s) and memory of each by pid, threads and descriptors of all."""
 
-    cpu_s: dict[str, float]
+    cpu_s: dict[int, float]
     memory: dict[int, Memory]
+    threads: int
     descriptors: int
     at_s: float
 
@@ -35,41 +36,29 @@ class Threads(NamedTuple):
         return sum(each.private_mib for each in self.memory.values())
 
 
-def read_threads(pids: list[int]) -> Threads:
-    """Read the present figures of all threads; those that have ended are left out."""
-    cpu: dict[str, float] = {}
+def read_usage(pids: list[int]) -> Usage:
+    """Read the present figures of processes; those that have ended are left out."""
+    cpu: dict[int, float] = {}
     memory: dict[int, Memory] = {}
-    descriptors = 0
+    threads = descriptors = 0
     for pid in pids:
         with suppress(psutil.Error):
             process = psutil.Process(pid)
-            cpu |= _threads(process)
+            used = process.cpu_times()
+            cpu[pid] = used.user + used.system
             memory[pid] = _memory(process)
+            threads += process.num_threads()
             descriptors += process.num_fds()
-    return Threads(cpu, memory, descriptors, time.monotonic())
+    return Usage(cpu, memory, threads, descriptors, time.monotonic())
 
 
-def shares(before: Threads, after: Threads) -> dict[str, float]:
-    """Return what share of a core each thread used between two samples.
+def shares(before: Usage, after: Usage) -> dict[int, float]:
+    """Return what share of a core each process used between two samples.
 
-    A thread that was not there before began with 0.
+    A process that was not there before began with 0.
     """
     seconds = after.at_s - before.at_s
-    return {name: (cpu - before.cpu_s.get(name, 0.0)) / seconds for name, cpu in after.cpu_s.items()}
-
-
-def thread_names(keys: set[str]) -> dict[str, str]:
-    """Return a unique name for each thread within its process: its name, numbered where several have the same.
-
-    keys: "process id/thread id name".
-    """
-    names: dict[str, str] = {}
-    seen: dict[tuple[str, str], int] = {}
-    for key in sorted(keys, key=_ids):
-        pid, name = key.partition("/")[0], key.partition(" ")[2]
-        number = seen[pid, name] = seen.get((pid, name), 0) + 1
-        names[key] = f"{name} #{number}" if number > 1 else name
-    return names
+    return {pid: (cpu - before.cpu_s.get(pid, 0.0)) / seconds for pid, cpu in after.cpu_s.items()}
 
 
 def role(pid: int, slave: int) -> str:
@@ -124,17 +113,3 @@ def mapped_files(pid: int) -> set[str]:
 def _memory(process: psutil.Process) -> Memory:
     memory = process.memory_full_info()
     return Memory(memory.pss / 2**20, memory.uss / 2**20)
-
-
-def _threads(process: psutil.Process) -> dict[str, float]:
-    seconds = {}
-    for thread in process.threads():
-        with suppress(psutil.Error):  # it has ended meanwhile
-            name = psutil.Process(thread.id).name()  # a thread has an entry of its own below /proc
-            seconds[f"{process.pid}/{thread.id} {name}"] = thread.user_time + thread.system_time
-    return seconds
-
-
-def _ids(key: str) -> tuple[int, int]:
-    pid, _, thread = key.partition(" ")[0].partition("/")
-    return int(pid), int(thread)

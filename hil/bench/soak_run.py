@@ -14,7 +14,7 @@ from typing import NamedTuple
 from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import READY_S, Bench, await_vehicle
 from hil.bench.presence import wait_for_silence
-from hil.bench.processes import read_threads
+from hil.bench.processes import read_usage
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_MS
 from hil.common.errors import NetworkError
@@ -129,14 +129,14 @@ class Soaking:
 
     def _observe(self, client: VehicleClient) -> Observation:
         """Return the present state of the slave."""
-        usage = read_threads(self._slave.family())
+        usage = read_usage(self._slave.family())
         diagnostics = Diagnostics() if self._quiet else client.diagnostics()
         delays = sorted(client.delays.totals_ns(200)) if diagnostics else []
         return Observation(
             time.monotonic() - self._began,
             usage.pss_mib,
             usage.private_mib,
-            len(usage.cpu_s),
+            usage.threads,
             usage.descriptors,
             or_nan(diagnostics.real_time_factor),
             or_nan(diagnostics.steps_skipped),

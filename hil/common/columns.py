@@ -5,14 +5,11 @@ import re
 import sys
 from collections.abc import Sequence
 from itertools import groupby
-from typing import Any
 
 from hil.common.text import clean, wrap_command
 
 GAP = "  "
 PIECES = re.compile(r" +|[^ /]*/|[^ /]+")  # pieces that are kept on one line if possible
-COLOUR = re.compile(r"\x1b\[[\d;]*m")  # as Python 3.14 and later write it into a usage
-OPTION_VALUE = re.compile(r"(?<![\w-])(--?[\w-]+) (?=[^\[| ])")  # the space between an option and its value
 MIN_WIDTH = 6  # minimum width of a column, in characters
 MAX_WIDTH = 100_000  # characters of a line that a program reads
 
@@ -60,29 +57,6 @@ def shorten_status(text: str) -> str:
 
 class HelpFormatter(argparse.HelpFormatter):
     """Wrap the paragraphs of a text to the terminal's width; leave indented lines, such as examples, as they are."""
-
-    def _format_usage(self, *arguments: Any) -> str:
-        """Return the wrapped usage; argparse itself lets narrow ones and mutually exclusive options overflow."""
-        usage = super()._format_usage(*arguments)
-        plain = COLOUR.sub("", usage)
-        if max(map(len, plain.split("\n"))) <= self._width:
-            return usage
-        known = len(f"usage: {self._prog} ")
-        indent = known if known <= self._width // 3 else 4
-        return f"{self._broken(plain, self._width, ' ' * indent)}\n\n"
-
-    def _format_action_invocation(self, action: argparse.Action) -> str:
-        """Return an option's names and value, wrapped; argparse itself lets many choices overflow."""
-        text = super()._format_action_invocation(action)
-        width = self._width - self._current_indent
-        return text if len(COLOUR.sub("", text)) <= width else self._broken(text, width, " " * 6)
-
-    def _broken(self, text: str, width: int, indent: str) -> str:
-        """Return options as lines; an option and its value stay on one line if possible, else break at commas."""
-        words = OPTION_VALUE.sub("\\1\0", " ".join(COLOUR.sub("", text).split())).split(" ")
-        room = width - len(indent)
-        parts = [word if len(word) <= room else word.replace("\0", " ").replace(",", ", ") for word in words]
-        return "\n".join(self._split_lines(" ".join(parts), width, indent)).replace("\0", " ")
 
     def start_section(self, heading: str | None) -> None:
         """Begin a group of options."""

@@ -4,28 +4,11 @@ from boards import Budgets, load_board
 from hil.bench.harness import SLAVE_PREFIX, labels_of
 from hil.bench.record import Figure, Record
 from hil.bench.report import Column, Row
-from hil.bench.table.hil_table import PAPER_BOARDS
-from hil.bench.table.run import ROWS
+from hil.bench.table.hil_table import PAPER_BOARDS, ROWS, paper
 from hil.ros.diagnostics import Diagnostics
 
 DRAWN = ("master_cpu", "startup", "memory_share", "delay_p50")  # the figures that the paper has too
 HERE = "this machine"
-
-
-def paper() -> list[Column]:
-    """Return the reference platform's two boards; it gives one number each, without spread."""
-    return [
-        Column(
-            f"{board.title}, 2022",
-            {
-                "master_cpu": Figure([board.master_cpu * 100.0], "% of a core"),
-                "startup": Figure([board.startup_s], "s"),
-                "memory_share": Figure([board.memory * 100.0], "%"),
-                "delay_p50": Figure([board.delay_s * 1e3], "ms"),
-            },
-        )
-        for board in PAPER_BOARDS
-    ]
 
 
 def ratios(column: Column, board: str) -> str:

@@ -12,10 +12,11 @@ import os
 from math import isfinite
 from typing import Any, NamedTuple
 
+from hil.bench.record import Figure
+from hil.bench.report import Column, Row, text
 from hil.client.client import VehicleClient
 from hil.client.delay import HOPS, Quantiles, find_doubts, quantiles
 from hil.common.clock import boot_id
-from hil.common.columns import aligned
 from hil.common.text import json_value
 from hil.master.flight import Outcome
 from hil.ros.diagnostics import Diagnostics, or_nan, to_text
@@ -31,6 +32,11 @@ class PaperBoard(NamedTuple):
     memory: float
     delay_s: float
 
+    @property
+    def figures(self) -> tuple[float, float, float, float]:
+        """Master CPU (% of a core), start-up (s), share of the memory (%), and delay (ms)."""
+        return 100.0 * self.master_cpu, self.startup_s, 100.0 * self.memory, 1e3 * self.delay_s
+
 
 # Zhang et al., "Design and Implementation of a Modular UUV Simulation Platform", Sensors 2022, 22(20), 8043, table 1.
 PAPER_BOARDS = (
@@ -45,6 +51,21 @@ UART_BITS = 10  # a byte: start, eight, stop
 # Wires whose baud is no part of a measured delay, by their name in `link_wire` of the diagnostics.
 NO_SPEED = {"pty": "a pseudo terminal", "tcp": "a socket", "udp": "a socket"}
 PAPER_BOARD_MIB = 4096.0  # the larger memory of its two boards, to compare a share with when ours is larger
+
+
+ROWS = (
+    Row("master_cpu", "master CPU", "% of a core", "{:.2f}"),
+    Row("startup", "start-up to the first sample", "s", "{:.3f}", is_clocked=True),
+    Row("ready", "start-up to ready", "s", "{:.3f}"),
+    Row("memory", "slave memory", "MiB", "{:.1f}"),
+    Row("memory_alone", "slave memory, alone on its machine", "MiB", "{:.1f}"),
+    Row("memory_share", "slave memory, share of the board's", "%", "{:.2f}"),
+    Row("delay_p50", "command delay p50", "ms", "{:.4g}", is_clocked=True),
+    Row("delay_p99", "command delay p99", "ms", "{:.4g}", is_clocked=True),
+    Row("delay_max", "command delay max", "ms", "{:.4g}", is_clocked=True),
+    Row("slave_cpu", "slave CPU", "% of a core", "{:.2f}"),
+    Row("slave_cpu_floor", "waking and publishing alone", "% of a core", "{:.2f}", better=""),
+)
 
 
 class HilTable(NamedTuple):
@@ -147,48 +168,43 @@ def _startup_s(client: VehicleClient, health: Diagnostics, offset_ns: int, notes
     return (first_ns - exec_wall_ns + offset_ns) / 1e9
 
 
+def paper() -> list[Column]:
+    """Return the reference platform's two boards; it gives one number each, without spread."""
+    figures = {"master_cpu": "% of a core", "startup": "s", "memory_share": "%", "delay_p50": "ms"}
+    return [
+        Column(
+            f"{board.title}, 2022",
+            {name: Figure([value], unit) for (name, unit), value in zip(figures.items(), board.figures, strict=True)},
+        )
+        for board in PAPER_BOARDS
+    ]
+
+
+def row_values(table: HilTable) -> dict[str, float]:
+    """Return the value of each of `ROWS` that a master measures."""
+    ram = min(table.slave_ram_mib, PAPER_BOARD_MIB)
+    return {
+        "master_cpu": 100.0 * table.master_cpu_core,
+        "startup": table.startup_s,
+        "ready": table.slave_ready_s,
+        "memory": table.slave_pss_mib,
+        "memory_alone": table.slave_rss_mib,  # alone on a machine it shares memory with no other slave
+        "memory_share": 100.0 * table.slave_rss_mib / ram,
+        "delay_p50": table.delay.p50_ms,
+        "delay_p99": table.delay.p99_ms,
+        "delay_max": table.delay.max_ms,
+        "slave_cpu": 100.0 * table.slave_cpu_core,
+    }
+
+
 def render(table: HilTable, world: str) -> str:
     """Return the table as text for a terminal, beside the paper's where the `world` is one of its fields."""
-    boards = PAPER_BOARDS if world in PAPER_WORLDS else ()
-    ram = min(table.slave_ram_mib, PAPER_BOARD_MIB)
-    memory = table.slave_rss_mib / ram  # alone on a machine it shares memory with no other slave
-    delay = table.delay
-    rows = [
-        ("", *(f"{board.title}, 2022" for board in boards), "this run"),
-        (
-            "master CPU",
-            *(f"{board.master_cpu:.0%}" for board in boards),
-            f"{table.master_cpu_core:.1%} of a core, {table.master_cpu_machine:.1%} of the machine",
-        ),
-        (
-            "start-up",
-            *(f"{board.startup_s:.1f} s" for board in boards),
-            f"{_format(table.startup_s, '{:.3f} s')} to the first sample ({table.slave_ready_s:.3f} s to ready)",
-        ),
-        (
-            "slave memory",
-            *(f"{board.memory:.0%}" for board in boards),
-            f"{table.slave_rss_mib:.1f} MiB, {memory:.2%} of {ram / 1024:.0f} GiB ({table.slave_pss_mib:.1f} MiB PSS)",
-        ),
-        (
-            "command delay",
-            *(f"{board.delay_s:.1f} s" for board in boards),
-            f"p50 {_format(delay.p50_ms)}, p99 {_format(delay.p99_ms)}, max {_format(delay.max_ms, '{:.1f} ms')}",
-        ),
-        ("slave CPU", *("-" for _ in boards), _share(table)),
-    ]
-    note = [PAPER_NOTE, ""] if boards else []
-    return "\n".join([*aligned(rows, rule=True), "", *note, *_details(table)])
-
-
-def _share(table: HilTable) -> str:
-    if not isfinite(table.slave_cpu_core):
-        return "-"
-    return f"{table.slave_cpu_core:.1%} of a core, {table.slave_cpu_machine:.1%} of the machine"
-
-
-def _format(value: float, form: str = "{:.2f} ms") -> str:
-    return form.format(value) if isfinite(value) else "-"
+    values = row_values(table)
+    rows = [row for row in ROWS if row.name in values]
+    ours = Column("this run", {row.name: Figure([values[row.name]], row.unit).finite for row in rows})
+    columns = [*(paper() if world in PAPER_WORLDS else []), ours]
+    note = [PAPER_NOTE, ""] if len(columns) > 1 else []
+    return "\n".join([text(columns, rows), "", *note, *_details(table)])
 
 
 def _details(table: HilTable) -> list[str]:
@@ -208,7 +224,7 @@ def _details(table: HilTable) -> list[str]:
     if slave.labels:
         lines.append(f"label: {'; '.join(slave.labels)}")
     lines += table.events
-    return lines + [f"note: {note}" for note in table.notes] + [f"WARNING: {text}" for text in table.warnings]
+    return lines + [f"note: {note}" for note in table.notes] + [f"WARNING: {warning}" for warning in table.warnings]
 
 
 def _wire(slave: Diagnostics) -> str:
@@ -226,7 +242,7 @@ def _wire(slave: Diagnostics) -> str:
 
 def to_json(table: HilTable, outcome: Outcome) -> dict[str, Any]:
     """Return the table and the mission's outcome as plain values; nan becomes null."""
-    values = table._asdict()
+    values = table._asdict() | {"rows": row_values(table)}
     values["slave"] = table.slave.raw
     values["delay"] = table.delay._asdict()
     values["hops"] = {name: hop._asdict() for name, hop in table.hops.items()}

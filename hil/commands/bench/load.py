@@ -1,4 +1,4 @@
-"""`uuv-hil bench load`: measure CPU and memory over time, per process and thread, by sensors, rates and vehicles."""
+"""`uuv-hil bench load`: measure CPU and memory over time, per process, by sensors, rates and vehicles."""
 
 from typing import Any
 
@@ -28,9 +28,6 @@ examples:
 MAX_VEHICLES = 64
 RATES = List(Number(50.0, 5000.0, "Hz"))
 VEHICLES = List(integer(1, MAX_VEHICLES))
-MAX_PROCESSES = 12  # shown of each setting; the record has all
-MAX_THREADS = 5  # shown of each process; the record has all
-MIN_SHARE = 0.0005  # of a core: threads that take less are not shown
 FAILED = 1
 ROWS = (Row("cpu", "CPU", "% of a core", "{:.2f}"), Row("memory", "memory", "MiB", "{:.2f}"))
 
@@ -54,7 +51,6 @@ def main(arguments: list[str]) -> int:
     print("\n".join(_table(courses)))
     note = "more: difference from the unchanged scenario, in brackets if within the noise; +-: middle half's range\n"
     print(fit_to_terminal(note))
-    print("\n".join(_processes(measured)))
     for name, reason in left_out.items():
         print(f"left out: {name}: {reason}")
     for each in failed:
@@ -113,6 +109,9 @@ def _table(courses: list[Course]) -> list[str]:
         if course is base or not base.cpu:
             cpu[-1] = memory[-1] = ""
         rows.append([course.setting.name, *cpu, *memory])
+        for name, cost in course.processes.items() if len(course.processes) > 1 else ():
+            own = f"{100.0 * median(cost.cpu):.2f}", f"{100.0 * spread(cost.cpu):.2f}", ""
+            rows.append([f"- {name}", *own, f"{median(cost.memory):.2f}", f"{spread(cost.memory):.2f}", ""])
     return aligned(rows, rule=True)
 
 
@@ -125,21 +124,6 @@ def _cells(values: list[float], base: list[float], repeats: list[list[float]], f
         f"{factor * spread(values):.2f}",
         more if change.is_distinct else f"({more})",
     ]
-
-
-def _processes(courses: list[Course]) -> list[str]:
-    """Return CPU and memory of each process, and its busiest threads."""
-    rows = [["setting", "process", "CPU %", "memory MiB", "busiest threads (CPU %)"]]
-    for course in courses:
-        costly = sorted(course.processes.items(), key=lambda row: -median(row[1].cpu))
-        for name, cost in costly[:MAX_PROCESSES]:
-            threads = sorted(((median(cpu), thread) for thread, cpu in cost.threads.items()), reverse=True)
-            busiest = [f"{name} {100.0 * cpu:.2f}" for cpu, name in threads[:MAX_THREADS] if cpu >= MIN_SHARE]
-            cpu, memory = f"{100.0 * median(cost.cpu):.2f}", f"{median(cost.memory):.2f}"
-            rows.append([course.setting.name, name, cpu, memory, ", ".join(busiest)])
-        if len(costly) > MAX_PROCESSES:
-            rows.append([course.setting.name, f"{len(costly) - MAX_PROCESSES} more", "", "", "in --output"])
-    return aligned(rows, rule=True)
 
 
 def _save(
@@ -155,13 +139,6 @@ def _save(
             figures[f"{name}cpu"] = Figure([100.0 * x for x in cpu], "% of a core")
             figures[f"{name}memory"] = Figure(memory, "MiB")
         columns.append(Column(course.setting.name, figures))
-    details: dict[str, Any] = {
-        course.setting.name: {
-            name: {"cpu": cost.cpu, "memory_mib": cost.memory, "threads": cost.threads}
-            for name, cost in course.processes.items()
-        }
-        for course in measured
-    }
-    details |= {course.setting.name: {"failure": course.failure} for course in failed}
+    details: dict[str, Any] = {course.setting.name: {"failure": course.failure} for course in failed}
     labels = *measured[0].labels, *failures.labels
     save_columns("load", options, columns, ROWS, labels, details | {"left out": left_out})

@@ -11,8 +11,8 @@ from hil.bench.record import Figure, Record, load, write_text
 from hil.bench.report import Column, draw, markdown, remarks, text
 from hil.bench.table import boards as board_table
 from hil.bench.table.boards import HERE
-from hil.bench.table.hil_table import PAPER_NOTE
-from hil.bench.table.run import ROWS, Run, figures, fly
+from hil.bench.table.hil_table import PAPER_NOTE, ROWS, paper
+from hil.bench.table.run import Run, figures, fly
 from hil.commands.bench.options import (
     add_connect,
     add_repeat,
@@ -68,7 +68,7 @@ def main(arguments: list[str]) -> int:
     failures = PartialFailures()
     record = _measure(options, failures)
     own_columns = board_table.columns_of(record)
-    columns = [*board_table.paper(), *earlier, *(_named(column) for column in own_columns)]
+    columns = [*paper(), *earlier, *(_named(column) for column in own_columns)]
     print(text(columns, ROWS))
     print(paragraph(PAPER_NOTE))
     for line in filter(None, (_ratios(_named(column), record) for column in own_columns)):

@@ -24,25 +24,19 @@ services that it does not name.
 
 examples:
   uuv-hil board                                          identify this machine
-  uuv-hil board --sources                                also the source of each value
   uuv-hil board list                                     list all known boards
   uuv-hil board install mine.toml --user uuv --dry-run   only show the changes
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service mavlink,record
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service "view --listen 0.0.0.0:7480"
-  uuv-hil board services                                 list the installed services, and whether they run
-  sudo .venv/bin/uuv-hil board stop --service record     until `board restart`, or the next start of the board
   sudo .venv/bin/uuv-hil board uninstall --service view  without --service, all
 """
 # What each action accepts.
 OPTIONS = {
-    "show": ("board", "root", "json", "sources"),
+    "show": ("board", "root", "json"),
     "list": ("json",),
     "install": ("scenario", "set", "board", "root", "user", "listen", "member", "service", "dry_run", "yes"),
     "uninstall": ("root", "service", "dry_run", "yes"),
-    "services": ("root", "json"),
-    "stop": ("root", "service"),
-    "restart": ("root", "service"),
 }
 
 
@@ -65,7 +59,7 @@ def main(arguments: list[str]) -> int:
     if options.json:
         print(json.dumps(to_json(tree, board)))
     else:
-        print(describe(tree, board) + (sources(board) if board and options.sources else ""))
+        print(describe(tree, board))
     return 0
 
 
@@ -78,15 +72,12 @@ def _parser() -> argparse.ArgumentParser:
         "--root", metavar="PATH", default="/", help="folder that holds the machine's /proc, /sys, /etc [/]"
     )
     add_json(parser)
-    parser.add_argument(
-        "--sources", action="store_true", help="show: also print the file that each value was read from"
-    )
     parser.add_argument("--user", metavar="NAME", help="install: user that runs the slave [the one who called sudo]")
     add_listen(parser, "install: ")
     add_member(parser, "install: ")
     parser.add_argument(
         "--service", metavar="NAME", action="append", default=[],
-        help="install, uninstall, stop, restart: a service beside the slave; may be given several times",
+        help="install, uninstall: a service beside the slave; may be given several times",
     )  # fmt: skip
     parser.add_argument("--dry-run", action="store_true", help="install, uninstall: only show what would change")
     parser.add_argument("--yes", action="store_true", help="install, uninstall: do not ask")
@@ -148,16 +139,6 @@ def describe(tree: Tree, board: Board | None) -> str:
         f"delay of a command {budgets.delay_p50 * 1e3:g} ms (median), {budgets.delay_p99 * 1e3:g} ms (99 %)"
     )
     return "\n".join([paragraph(line, "    ") for part in parts for line in part.split("\n")])
-
-
-def sources(board: Board) -> str:
-    """Return the source of each statement about a board, one line each."""
-    rows = [("board", board.source), *board.sources.items()]
-    rows += [(port.device, port.source) for port in board.serial]
-    rows += [(bus.interface, bus.source) for bus in board.can]
-    rows += [(f"power mode {mode.name}", mode.source) for mode in board.power]
-    rows += [("recommended", board.recommended.source), ("budgets", board.budgets.reason)]
-    return "\n".join(["\nsources:", *aligned([(f"  {name}", text) for name, text in rows])])
 
 
 def to_json(tree: Tree, board: Board | None) -> dict[str, object]:

@@ -1,10 +1,8 @@
-"""`uuv-hil board`: install services after confirmation, and uninstall, list, stop and restart them."""
+"""`uuv-hil board`: install services after confirmation, and uninstall them."""
 
 import argparse
 import getpass
-import json
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -14,8 +12,7 @@ from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
 from hil.commands.completion import find_parser
-from hil.common.columns import aligned
-from hil.common.errors import ConfigError, DeviceError
+from hil.common.errors import ConfigError
 from hil.common.streams import LOOK_FIRST, agreed
 from hil.doctor.board import check_memory_limit
 from hil.doctor.findings import Case, User, accounts
@@ -24,7 +21,7 @@ from hil.install import check as board_check
 from hil.install import units as board_install
 from hil.install.changes import Change
 from hil.install.companions import KINDS, read_companions
-from hil.install.units import MANAGER, NAME, UNITS, Service
+from hil.install.units import MANAGER, NAME, Service
 
 Command = tuple[str, ...]
 RELOAD = ("systemctl", "daemon-reload")
@@ -33,7 +30,6 @@ UDEV = [
     ("udevadm", "control", "--reload"),
     ("udevadm", "trigger", *(f"--subsystem-match={name}" for name in ("tty", "misc", "net", "usb", "usb-serial"))),
 ]
-STATE = ("ActiveState", "SubState", "NRestarts")  # properties of systemd
 STATE_FOLDERS = ("/var/lib/uuv-hil", "/var/cache/uuv-hil")  # the unit's StateDirectory and CacheDirectory
 
 
@@ -77,8 +73,7 @@ def uninstall(tree: Tree, options: argparse.Namespace) -> int:
     """Remove the files of install, with --service only the units of these; return the exit code. Raises HilError."""
     plan = board_changes.plan_uninstall(tree)
     if options.service:
-        chosen = _chosen(tree, options.service)
-        plan = [change for change in plan if os.path.basename(change.path) in chosen]
+        plan = _chosen(plan, options.service)
     before = _stop_commands(plan)
     after = [RELOAD, UDEV[0], *_reload_manager(plan)]
     if _confirm(tree, plan, [*before, *after], options):
@@ -93,37 +88,15 @@ def uninstall(tree: Tree, options: argparse.Namespace) -> int:
     return 0
 
 
-def services(tree: Tree, options: argparse.Namespace) -> int:
-    """List the installed units with their state from systemd; return 0, or 3 if one does not run."""
-    names = _chosen(tree, ())
-    shown = tree.run("systemctl", "show", f"--property=Id,{','.join(STATE)}", *names) or ""
-    states = [dict(line.partition("=")[::2] for line in part.splitlines()) for part in shown.split("\n\n")]
-    by_unit = {state.get("Id"): state for state in states}
-    rows = [{"unit": name} | {key: by_unit.get(name, {}).get(key, "-") for key in STATE} for name in names]
-    if options.json:
-        print(json.dumps(rows))
-    else:
-        print("\n".join(aligned([("unit", "state", "detail", "restarts"), *(tuple(row.values()) for row in rows)])))
-    return 0 if all(row["ActiveState"] == "active" for row in rows) else DeviceError.exit_code
+ACTIONS = {"install": install, "uninstall": uninstall}
 
 
-def control(tree: Tree, options: argparse.Namespace) -> int:
-    """Stop or restart all installed units, or those of --service; return 0, or 3 if systemd refused."""
-    return DeviceError.exit_code if _run(tree, [("systemctl", options.action, *_chosen(tree, options.service))]) else 0
-
-
-ACTIONS = {"install": install, "uninstall": uninstall, "services": services, "stop": control, "restart": control}
-
-
-def _chosen(tree: Tree, names: Sequence[str]) -> list[str]:
-    """Return the installed units: those of the services `names`, or all. Raises ConfigError if there is none."""
-    there = [name for name in tree.names(UNITS) if re.fullmatch(r"uuv-hil(-[a-z0-9]+)?\.service", name)]
-    if not there:
-        raise ConfigError("no service is installed on this machine; install one: uuv-hil board install")
+def _chosen(plan: Sequence[Change], names: Sequence[str]) -> list[Change]:
+    """Return the removal of the units of the services `names`. Raises ConfigError if one of them is not installed."""
     wanted = [f"uuv-hil-{name}.service" for text in names for name in text.split(",")]
-    if missing := [name for name in wanted if name not in there]:
-        raise ConfigError(f"--service: {missing[0]} is not installed; there are {', '.join(there)}")
-    return wanted or there
+    if missing := [name for name in wanted if name not in units(plan)]:
+        raise ConfigError(f"--service: {missing[0]} is not installed; there are {', '.join(units(plan))}")
+    return [change for change in plan if os.path.basename(change.path) in wanted]
 
 
 def units(changes: Sequence[Change]) -> list[str]:
@@ -165,9 +138,8 @@ def _confirm(tree: Tree, plan: Sequence[Change], commands: list[Command], option
     return agreed("make these changes?", LOOK_FIRST)
 
 
-def _run(tree: Tree, commands: list[Command]) -> bool:
-    """Run commands on this machine; a failure is reported and does not stop the rest. Return whether one failed."""
-    failed = False
+def _run(tree: Tree, commands: list[Command]) -> None:
+    """Run commands on this machine; a failure is reported and does not stop the rest."""
     for command in commands if tree.live else ():
         if "reset-failed" in command:
             tree.run(*command)  # fails for a unit that has not failed, which is harmless
@@ -177,6 +149,4 @@ def _run(tree: Tree, commands: list[Command]) -> bool:
         except OSError as error:
             status = error.strerror or str(error)
         if status != "exit code 0":
-            failed = True
             print(f"{' '.join(command)}: {status}", file=sys.stderr)
-    return failed

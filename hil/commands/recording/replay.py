@@ -1,42 +1,35 @@
-"""`uuv-hil recording replay`: replay a recording on the network, to another slave, or bit for bit in the simulator."""
+"""`uuv-hil recording replay`: replay a recording on the network, or bit for bit in the simulator."""
 
 import argparse
-from math import dist
 
-from hil.client.client import VehicleClient
 from hil.commands.listening import add_wait
 from hil.commands.recording.options import add_recording
 from hil.commands.view.opening import open_view
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import STOPPED, ConfigError, MissionError, NetworkError
-from hil.common.options import ENDPOINT, OUTPUT_FILE, Number, endpoint_or_lan, new_parser
+from hil.common.errors import STOPPED, MissionError
+from hil.common.options import ENDPOINT, OUTPUT_FILE, Number, new_parser
 from hil.common.stop import StopSignals, is_stopped
 from hil.gateways.foxglove.recording import write_for_foxglove
 from hil.network.opening import listen
 from hil.recording.check import check
-from hil.recording.mcap_file import Message
 from hil.recording.player import Player, pace
 from hil.recording.reader import read_about, read_messages
-from hil.recording.run import read_run, require_run
+from hil.recording.run import read_run
 from hil.ros import dialect
-from hil.ros import encoders as ros
-from hil.ros.topics import COMMANDS
 from hil.view.sources.recorded import RecordedSource
 
 EXAMPLES = """\
 examples:
   uuv-hil recording replay recordings/dive7                                    for masters that connect to this machine
   uuv-hil recording replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
-  uuv-hil recording replay dive7 --connect tcp/127.0.0.1:7447                  send its commands to a running slave
   uuv-hil recording replay dive7 --view                                        in a browser, with a slider
   uuv-hil recording replay dive7 --foxglove dive7_foxglove.mcap                for `uuv-hil gateway foxglove --layout`
   uuv-hil recording replay dive7 --check                                       that the simulator repeats it bit for bit
 
 --check needs a slave's own recording ([recording] slave = true). It runs the simulator with the recorded pulses of
 the thrusters, step by step, and compares every sensor message with the recorded one; exit code 6 at a difference.
---connect runs in real time, so that only the tracks are compared: start the slave with the same scenario.
-Both read the recording's scenario. It can name classes for forces and sensors, and loading a class runs its code: this
-is refused without --own-classes, which is for your own recordings.
+The recording's scenario can name classes for forces and sensors, and loading a class runs its code: this is refused
+without --own-classes, which is for your own recordings.
 """
 LISTEN = "tcp/127.0.0.1:7447"
 WAIT_STEP_S = 0.02
@@ -51,7 +44,6 @@ def main(arguments: list[str]) -> int:
     mode.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LISTEN, help="publish it at this endpoint [%(default)s]"
     )
-    mode.add_argument("--connect", metavar="ENDPOINT", type=endpoint_or_lan, help="send its commands to this slave")
     mode.add_argument("--check", action="store_true", help="repeat it without network and clock")
     mode.add_argument(
         "--foxglove",
@@ -72,7 +64,7 @@ def main(arguments: list[str]) -> int:
     with StopSignals() as stop_fd:
         if options.view:
             return _show(options.recording, options.own_classes, stop_fd)
-        return _command(options, stop_fd) if options.connect else _play(options, stop_fd)
+        return _play(options, stop_fd)
 
 
 def _write_for_foxglove(path: str, target: str, own_classes: bool) -> int:
@@ -125,43 +117,3 @@ def _show(path: str, own_classes: bool, stop_fd: int) -> int:
         while not is_stopped(stop_fd, PERIOD_S):
             view.update()
     return 0
-
-
-def _command(options: argparse.Namespace, stop_fd: int) -> int:
-    """Send the commands to a slave; report how far its vehicle's track differs."""
-    scenario = require_run(read_about(options.recording), options.recording, options.own_classes).scenario
-    node = scenario.slave.node
-    network, security, topics = scenario.network, scenario.security, ("ground_truth",)
-    with VehicleClient(options.connect, node, network=network, security=security, topics=topics) as client:
-        if not client.wait_for_vehicle(options.wait or 10.0):
-            raise NetworkError(f"no vehicle {node!r} answered at {options.connect}; start it: uuv-hil slave")
-        comparison = _TrackComparison(client, node)
-        seconds = pace(read_messages(options.recording), options.speed or 1.0, stop_fd, comparison.add)
-    if not comparison.commands:
-        raise ConfigError(f"{options.recording}: no commands for {node} in it; record a flight with a master")
-    print(
-        f"{comparison.commands} commands of {seconds:.1f} s sent; its vehicle was at most "
-        f"{comparison.max_distance:.2f} m and at the end {comparison.last_distance:.2f} m from its recorded track"
-    )
-    return 0
-
-
-class _TrackComparison:
-    """Comparison of the recorded track with the track of a vehicle that gets the recorded commands."""
-
-    def __init__(self, client: VehicleClient, node: str) -> None:
-        self._client, self._node = client, node
-        self.commands = 0
-        self.max_distance = self.last_distance = 0.0
-
-    def add(self, message: Message) -> None:
-        """Send a command; compare a recorded position with the present one."""
-        name = message.topic.removeprefix(f"/{self._node}/")
-        if name in COMMANDS:
-            self._client.send(name, message.data)
-            self.commands += 1
-        elif message.topic == f"/{self._node}/ground_truth" and self.commands:
-            then, now = ros.decode_odometry(message.data), self._client.latest.get("ground_truth")
-            if then and now:
-                self.last_distance = dist(then.position, now.value.position)
-                self.max_distance = max(self.max_distance, self.last_distance)

@@ -1,6 +1,5 @@
 """Services that a board gets beside the slave's: their units, ports, state and removal."""
 
-import json
 import re
 import shlex
 import shutil
@@ -14,7 +13,6 @@ from hil.install.companions import KINDS
 from hil.install.units import FIREWALL, UNIT, UNITS
 from tests.support.boards import installed_service as board
 from tests.support.boards.installed_service import executed, files, install, root, scenario, uninstall, values
-from tests.support.boards.recorded import plant
 
 __all__ = ["executed", "root", "scenario"]  # the fixtures
 ROUTED = '[network]\nmode = "routed"\nrouter = "tcp/192.168.3.116:7447"\n'
@@ -98,28 +96,14 @@ def test_services_that_cannot_work_are_refused(
     assert files(root) == before
 
 
-def test_services_are_listed_stopped_and_removed(
+def test_one_service_of_several_is_removed(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], executed: list[str]
 ) -> None:
     on_board = ("--root", str(root))
-    assert cli.main(["board", "services", *on_board]) == 2
-    assert "no service is installed on this machine" in capsys.readouterr().err
+    assert cli.main(["board", "uninstall", "--service", "view", *on_board]) == 2
+    assert "nothing is installed on this machine" in capsys.readouterr().err
     assert install(root, scenario, "--yes", *services("view,record")) == 0
-    names = ["uuv-hil-record.service", "uuv-hil-view.service", "uuv-hil.service"]
-    state = "NRestarts={}\nId={}\nActiveState={}\nSubState={}"
-    rows = zip((0, 7, 0), names, ("active", "failed", "active"), ("running", "failed", "running"), strict=True)
-    shown = "_".join(["commands/systemctl_show_--property=Id,ActiveState,SubState,NRestarts", *names])
-    plant(root, shown, "\n\n".join(state.format(*row) for row in rows))
-    capsys.readouterr()
-    assert cli.main(["board", "services", *on_board]) == 3, "one does not run"
-    assert capsys.readouterr().out.splitlines()[2].split() == ["uuv-hil-view.service", "failed", "failed", "7"]
-    assert cli.main(["board", "services", "--json", *on_board]) == 3
-    assert [row["ActiveState"] for row in json.loads(capsys.readouterr().out)] == ["active", "failed", "active"]
-    executed.clear()
-    assert cli.main(["board", "stop", "--service", "view", *on_board]) == 0
-    assert cli.main(["board", "restart", *on_board]) == 0
-    assert executed == ["systemctl stop uuv-hil-view.service", f"systemctl restart {' '.join(names)}"]
-    assert cli.main(["board", "stop", "--service", "json", *on_board]) == 2
+    assert cli.main(["board", "uninstall", "--service", "json", *on_board]) == 2
     assert cli.main(["board", "uninstall", "--yes", "--service", "view", *on_board]) == 0
     assert executed[-3].endswith("uuv-hil-view.service")
     assert ((root / UNIT[1:]).exists(), (root / path_of("view")[1:]).exists()) == (True, False)

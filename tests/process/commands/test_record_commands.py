@@ -21,7 +21,7 @@ from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS
 from hil.scenario.records import Recording
 from tests.support.network.recorded_dive import record_dive
-from tests.support.processes import Program, free_port, run_here, wait_for, write_scenario
+from tests.support.processes import Program, free_port, run_here, wait_for
 
 SENSORS = {"imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_truth"}
 
@@ -153,18 +153,6 @@ def test_a_slow_receiver_gets_the_whole_replay(tmp_path: Path) -> None:
             assert wait_for(all_received)
         assert record.stop(signal.SIGINT) == 0
     assert "1000 messages recorded, none lost" in record.output
-
-
-def test_recorded_commands_are_replayed_to_a_new_slave(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
-    scenario, port = write_scenario(tmp_path, top="seed = 5")
-    endpoint = f"tcp/127.0.0.1:{port}"
-    with Program(tmp_path, "slave", scenario) as slave:
-        slave.expect("ready")
-        with Program(tmp_path, "recording", "replay", dive[0], "--connect", endpoint) as replay:
-            assert replay.wait() == 0, replay.output
-    found = replay.expect(r"(\d+) commands of .* at most ([\d.]+) m")
-    assert int(found[1]) > 25
-    assert float(found[2]) < 0.5
 
 
 def test_the_data_of_the_figures_match_the_flight(dive: tuple[Path, Path, str]) -> None:

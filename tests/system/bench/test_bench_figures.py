@@ -11,51 +11,51 @@ from random import Random
 import pytest
 
 from hil.bench.load_run import Setting, course, difference
-from hil.bench.processes import read_threads, shares
+from hil.bench.processes import read_usage, shares
 from hil.bench.soak_run import Observation, Outage, Soak, trend
 from hil.bench.stream_run import ROWS, Listening, expected, missing
 from hil.cli import main
 from hil.commands.bench import stream as bench_stream
 from hil.commands.bench.soak import judge
 from hil.scenario.config import load_scenario
-from tests.support.bench_figures import threads
+from tests.support.bench_figures import usage
 
 
-def test_processor_shares_of_threads_are_computed() -> None:
-    before = threads({"1/1 main": 1.0, "1/2 rx": 0.5}, 100.0)
-    after = threads({"1/1 main": 1.5, "1/2 rx": 0.5, "1/3 rx": 0.2}, 102.0)
-    assert shares(before, after) == {"1/1 main": 0.25, "1/2 rx": 0.0, "1/3 rx": pytest.approx(0.1)}
+def test_processor_shares_of_processes_are_computed() -> None:
+    before, after = usage({1: 1.0, 2: 0.5}, 100.0), usage({1: 1.5, 2: 0.5, 3: 0.2}, 102.0)
+    assert shares(before, after) == {1: 0.25, 2: 0.0, 3: pytest.approx(0.1)}
 
 
-def test_threads_and_memory_of_this_process_are_measured() -> None:
+def test_processor_time_and_memory_of_this_process_are_measured() -> None:
     began, spent = time.monotonic(), time.process_time()
-    first = read_threads([os.getpid()])
+    first = read_usage([os.getpid()])
     burn = sum(range(30_000_000))
-    second = read_threads([os.getpid(), 2**22 + 1])
+    second = read_usage([os.getpid(), 2**22 + 1])
     share = (time.process_time() - spent) / (time.monotonic() - began)  # less than 1 where others are busy
     assert burn
     assert sum(shares(first, second).values()) == pytest.approx(share, rel=0.5)
     assert second.pss_mib > second.private_mib > 5.0
     assert second.descriptors >= 3
+    assert second.threads >= 1
 
 
 def test_a_shared_file_mapping_is_no_private_memory(tmp_path: Path) -> None:
     path = tmp_path / "shared"
     path.write_bytes(os.urandom(16 << 20))
-    before = read_threads([os.getpid()])
+    before = read_usage([os.getpid()])
     with path.open("rb") as file, ExitStack() as stack:
         maps = [stack.enter_context(mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ)) for _ in range(2)]
         assert sum(maps[0][::4096]) == sum(maps[1][::4096])
-        after = read_threads([os.getpid()])
+        after = read_usage([os.getpid()])
     assert after.pss_mib - before.pss_mib > 15.0
     assert after.private_mib - before.private_mib < 3.0
 
 
 def test_figures_of_a_course_are_separated_by_process() -> None:
     observations = [
-        threads({"1/1 main": 0.0, "2/2 main": 0.0}, 0.0, p1=10.0, p2=5.0),
-        threads({"1/1 main": 0.5, "2/2 main": 0.1}, 1.0, p1=11.0, p2=5.0),
-        threads({"1/1 main": 0.7, "2/2 main": 0.2, "2/3 rx": 0.3}, 2.0, p1=12.0, p2=6.0),
+        usage({1: 0.0, 2: 0.0}, 0.0, p1=10.0, p2=5.0),
+        usage({1: 0.5, 2: 0.1}, 1.0, p1=11.0, p2=5.0),
+        usage({1: 0.7, 2: 0.5}, 2.0, p1=12.0, p2=6.0),
     ]
     figures = course(Setting("as it is", {}), observations, {1: "uuv1 slave", 2: "uuv1 STM32"})
     assert figures.cpu == pytest.approx([0.6, 0.6])
@@ -63,9 +63,7 @@ def test_figures_of_a_course_are_separated_by_process() -> None:
     slave, stm32 = figures.processes.values()
     assert slave.cpu == pytest.approx([0.5, 0.2])
     assert slave.memory == [11.0, 12.0]
-    assert slave.threads == {"main": pytest.approx([0.5, 0.2])}
     assert stm32.cpu == pytest.approx([0.1, 0.4])
-    assert stm32.threads == {"main": pytest.approx([0.1, 0.1]), "rx": pytest.approx([0.0, 0.3])}
 
 
 def test_a_difference_is_distinguished_from_noise() -> None:
