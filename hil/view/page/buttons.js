@@ -1,5 +1,5 @@
 // The buttons and fields: what they send, when they may be pressed, and the values that they begin with.
-import {bearing, metres, number} from "./format.js";
+import {bearing, isNew, metres, number, write} from "./format.js";
 import {COLOURS} from "./world.js";
 
 const at = id => document.getElementById(id);
@@ -60,8 +60,10 @@ export class Buttons {
   }
 
   // Allow what the vehicle accepts now, and show why it does not accept the rest.
-  allow({vehicles = [], text = "", may_stop = false, may_steer = false, may_take = false, taken = false, armed}, sticks) {
-    const box = at("vehicle");
+  allow(answer, sticks) {
+    const {vehicles = [], text = "", may_stop = false, may_steer = false, may_take = false, taken = false, armed} = answer, box = at("vehicle");
+    if (!may_steer && sticks.pressed) sticks.release();
+    if (!isNew("allowed", answer)) return;
     if (vehicles.length && [...box.options].map(each => each.value).join() !== vehicles.join()) {
       const before = box.value;
       box.replaceChildren(...vehicles.map(name => new Option(name, name)));
@@ -78,7 +80,6 @@ export class Buttons {
     at("take").classList.toggle("main", !taken);
     at("switch").hidden = may_take || text === OBSERVES;
     at("sticks").className = may_steer ? "" : text === OBSERVES ? "absent" : "disabled";
-    if (!may_steer && sticks.pressed) sticks.release();
     for (const part of document.querySelectorAll("[data-commands]")) part.hidden = text === OBSERVES;
     for (const part of document.querySelectorAll("[data-commands]"))
       for (const control of part.querySelectorAll("button, input, select")) control.disabled = !may_steer;
@@ -86,14 +87,16 @@ export class Buttons {
 
   show({see, playback, recording}) {
     if (see) this._beginWith(see);
-    at("record").hidden = !recording?.possible;
-    at("record").classList.toggle("on", Boolean(recording?.state));
-    at("record").textContent = recording?.state ? `recording, ${recording.state.split(" messages")[0]} messages` : "record";
-    at("record").title = recording?.state || "record all messages of the vehicles";
+    if (isNew("recording", recording)) {
+      at("record").hidden = !recording?.possible;
+      at("record").classList.toggle("on", Boolean(recording?.state));
+      at("record").textContent = recording?.state ? `recording, ${recording.state.split(" messages")[0]} messages` : "record";
+      at("record").title = recording?.state || "record all messages of the vehicles";
+    }
     at("timebox").hidden = !playback;
     if (playback) {
-      at("pause").textContent = playback.paused ? "go on" : "pause";
-      at("seconds").textContent = playback.time.toFixed(1);
+      write("pause", playback.paused ? "go on" : "pause");
+      write("seconds", playback.time.toFixed(1));
       at("seek").hidden = !playback.duration;
       at("seek").max = playback.duration;
       if (performance.now() - (this.seeking || -1e4) > 500) at("seek").value = playback.time;
@@ -114,7 +117,7 @@ export class Buttons {
     if (key === this.listedFailures) return;
     this.listedFailures = key;
     at("failures").replaceChildren(...failures.map(([thruster, kind]) => {
-      const row = document.createElement("li"), repair = Object.assign(document.createElement("button"), {type: "button", textContent: "repair"});
+      const row = document.createElement("li"), repair = Object.assign(document.createElement("button"), {type: "button", textContent: "repair", disabled: at("fail").disabled});
       repair.addEventListener("click", () => this.act("fail", {thruster, kind: "repaired"}));
       row.append(`${thruster.replaceAll("_", " ")}: ${kind}`, repair);
       return row;

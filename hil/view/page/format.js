@@ -1,4 +1,13 @@
-// Numbers as a person reads them: sensible digits, and no minus before a zero.
+// Numbers as a person reads them: sensible digits, and no minus before a zero. Texts that are written when they change.
+
+const shown = {};
+
+export function isNew(place, value) {  // whether a place of the page shows another value than the last one asked for
+  const key = JSON.stringify(value);
+  return shown[place] !== key && Boolean(shown[place] = key);
+}
+
+export function write(id, text) { if (isNew(id, text)) document.getElementById(id).textContent = text; }
 
 export function number(value, digits) {
   if (value == null || !Number.isFinite(value)) return "–";

@@ -4,7 +4,7 @@ export function createContext(canvas) {
   const probe = document.createElement("canvas").getContext("webgl2"), named = probe?.getExtension("WEBGL_debug_renderer_info");
   const isSoftware = /swiftshader|llvmpipe|software/i.test(named ? probe.getParameter(named.UNMASKED_RENDERER_WEBGL) : "");
   const gl = canvas.getContext("webgl2", {antialias: !isSoftware, alpha: false, powerPreference: "high-performance"});
-  if (gl) { gl.isSoftware = isSoftware; gl.enable(gl.DEPTH_TEST); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); }
+  if (gl) { gl.isSoftware = isSoftware; gl.enable(gl.DEPTH_TEST); gl.depthFunc(gl.LEQUAL); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); }
   return gl;
 }
 
@@ -120,7 +120,7 @@ export function texture(gl, source, repeats) {
   const way = repeats ? gl.REPEAT : gl.CLAMP_TO_EDGE;
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, way);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, way);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, repeats ? gl.LINEAR_MIPMAP_LINEAR : gl.LINEAR);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, repeats ? (gl.isSoftware ? gl.LINEAR_MIPMAP_NEAREST : gl.LINEAR_MIPMAP_LINEAR) : gl.LINEAR);
   if (repeats) gl.generateMipmap(gl.TEXTURE_2D);
   return made;
 }

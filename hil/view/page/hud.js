@@ -5,21 +5,32 @@ import {clamp, wrap} from "./math.js";
 const LIGHT = "#9df3ff", MARK = "#f2b544", BOX = "rgba(4,24,36,.72)", NAMES = {0: "N", 45: "NE", 90: "E", 135: "SE", 180: "S", 225: "SW", 270: "W", 315: "NW"};
 
 // `see` has roll, pitch, heading (degrees), depth, speed, altitude, target, texts; `withLadder` draws the horizon.
-export function drawHud(pen, width, height, see, withLadder) {
-  const small = width < 560 || height < 380, unit = small ? 11 : 13;
-  pen.save();
+export function putHud(parts, width, height, see, withLadder) {
+  const small = width < 560 || height < 380, unit = small ? 11 : 13, wide = Math.min(width * 0.42, 460);
+  const middle = height * 0.5, half = Math.min(height * 0.24, 190), {depth, speed, altitude, target} = see;
+  parts.put("heading", [width / 2, width < 560 ? 186 : small ? 70 : 62], [-wide / 2 - 16, -3 * unit - 8, wide / 2 + 16, unit + 18], drawHeading, wide, see.heading, target?.heading, unit);
+  if (withLadder) {
+    const reach = Math.min(half, width * 0.25), across = 1.25 * reach + 30;
+    parts.put("ladder", [width / 2, middle], [-across, -across, across, across], drawLadder, reach, see.roll, see.pitch, unit);
+  }
+  const scale = {half, unit}, room = 9 * unit;
+  parts.put("depth", [width * (small ? 0.8 : 0.84), middle], [-room, -half - 2, room, half + 2], drawScale,
+            {...scale, value: depth, step: depth > 100 ? 10 : 1, of: "m", mark: target?.depth, bed: altitude == null ? null : depth + altitude});
+  parts.put("speed", [width * (small ? 0.2 : 0.16), middle], [-room, -half - 2, room, half + 2], drawScale, {...scale, value: speed, step: 0.2, of: "m/s", mark: target?.speed, isLeft: true});
+  const texts = see.texts.filter(Boolean);
+  parts.put("texts", [small ? 12 : Math.max(width * 0.11, 126), middle + half + (small ? 26 : 34)], [-2, -unit - 2, 24 * unit, texts.length * unit * 1.55], drawTexts, texts, unit);
+}
+
+function prepare(pen, unit) {
   pen.lineWidth = 1.6;
   pen.font = `${unit}px ui-monospace, "DejaVu Sans Mono", monospace`;
   pen.shadowColor = "rgba(0,16,24,.9)"; pen.shadowBlur = 3;
-  drawHeading(pen, width / 2, width < 560 ? 186 : small ? 70 : 62, Math.min(width * 0.42, 460), see, unit);
-  const middle = height * 0.5, half = Math.min(height * 0.24, 190);
-  if (withLadder) drawLadder(pen, width / 2, middle, Math.min(half, width * 0.25), see, unit);
-  drawScale(pen, width * (small ? 0.8 : 0.84), middle, half, see.depth, {step: see.depth > 100 ? 10 : 1, unit: "m", mark: see.target?.depth, bed: see.altitude == null ? null : see.depth + see.altitude}, unit);
-  drawScale(pen, width * (small ? 0.2 : 0.16), middle, half, see.speed, {step: 0.2, unit: "m/s", mark: see.target?.speed, isLeft: true}, unit);
-  const left = small ? 12 : Math.max(width * 0.11, 126), below = middle + half + (small ? 26 : 34);
-  pen.fillStyle = LIGHT; pen.textAlign = "left";
-  see.texts.filter(Boolean).forEach((text, k) => pen.fillText(text, left, below + k * unit * 1.55));
-  pen.restore();
+  pen.strokeStyle = pen.fillStyle = LIGHT;
+}
+
+function drawTexts(pen, texts, unit) {
+  prepare(pen, unit);
+  texts.forEach((text, k) => pen.fillText(text, 0, k * unit * 1.55));
 }
 
 function box(pen, text, x, y, align, size) {
@@ -31,36 +42,33 @@ function box(pen, text, x, y, align, size) {
   pen.fillText(text, left + wide / 2, y + size * 0.3);
 }
 
-function drawHeading(pen, x, y, wide, see, unit) {
+function drawHeading(pen, wide, heading, target, unit) {
   const scale = wide / 90;  // pixels a degree: 90 degrees are seen
-  pen.strokeStyle = pen.fillStyle = LIGHT;
+  prepare(pen, unit);
   pen.textAlign = "center";
-  pen.beginPath(); pen.moveTo(x - wide / 2, y); pen.lineTo(x + wide / 2, y); pen.stroke();
-  for (let degree = Math.ceil((see.heading - 45) / 5) * 5; degree <= see.heading + 45; degree += 5) {
-    const at = x + (degree - see.heading) * scale, isTen = degree % 15 === 0;
-    pen.beginPath(); pen.moveTo(at, y); pen.lineTo(at, y + (isTen ? 9 : 5)); pen.stroke();
-    if (isTen && wide / 6 > 30 || degree % 30 === 0) pen.fillText(NAMES[wrap(degree)] || wrap(degree), at, y + 9 + unit);
+  pen.beginPath(); pen.moveTo(-wide / 2, 0); pen.lineTo(wide / 2, 0); pen.stroke();
+  for (let degree = Math.ceil((heading - 45) / 5) * 5; degree <= heading + 45; degree += 5) {
+    const at = (degree - heading) * scale, isTen = degree % 15 === 0;
+    pen.beginPath(); pen.moveTo(at, 0); pen.lineTo(at, isTen ? 9 : 5); pen.stroke();
+    if (isTen && wide / 6 > 30 || degree % 30 === 0) pen.fillText(NAMES[wrap(degree)] || wrap(degree), at, 9 + unit);
   }
-  box(pen, `${bearing(see.heading)}°`, x, y - unit * 1.3, "center", unit + 4);
+  box(pen, `${bearing(heading)}°`, 0, -unit * 1.3, "center", unit + 4);
   pen.fillStyle = MARK;
-  pen.beginPath(); pen.moveTo(x, y + 2); pen.lineTo(x + 6, y + 11); pen.lineTo(x - 6, y + 11); pen.fill();
-  if (see.target?.heading != null) {
-    const off = clamp(wrap(see.target.heading - see.heading + 180) - 180, -45, 45), at = x + off * scale;
+  pen.beginPath(); pen.moveTo(0, 2); pen.lineTo(6, 11); pen.lineTo(-6, 11); pen.fill();
+  if (target != null) {
+    const off = clamp(wrap(target - heading + 180) - 180, -45, 45), at = off * scale;
     pen.strokeStyle = MARK; pen.lineWidth = 3;
-    pen.beginPath(); pen.moveTo(at - 8, y + 14); pen.lineTo(at - 8, y + 3); pen.moveTo(at + 8, y + 3); pen.lineTo(at + 8, y + 14); pen.stroke();
-    pen.lineWidth = 1.6;
+    pen.beginPath(); pen.moveTo(at - 8, 14); pen.lineTo(at - 8, 3); pen.moveTo(at + 8, 3); pen.lineTo(at + 8, 14); pen.stroke();
   }
-  pen.font = pen.font.replace(/^\d+px/, `${unit}px`);
 }
 
-function drawLadder(pen, x, y, half, see, unit) {
+function drawLadder(pen, half, roll, pitch, unit) {
   const scale = half / 22;  // pixels a degree of pitch
+  prepare(pen, unit);
   pen.save();
-  pen.translate(x, y);
-  pen.rotate(-see.roll * Math.PI / 180);
-  pen.strokeStyle = pen.fillStyle = LIGHT;
+  pen.rotate(-roll * Math.PI / 180);
   for (let degree = -80; degree <= 80; degree += 10) {
-    const at = (see.pitch - degree) * scale;
+    const at = (pitch - degree) * scale;
     if (Math.abs(at) > half * 1.15) continue;
     const inner = half * 0.24, outer = degree ? half * 0.5 : half * 0.85;
     pen.setLineDash(degree < 0 ? [8, 6] : []);
@@ -69,38 +77,35 @@ function drawLadder(pen, x, y, half, see, unit) {
     if (degree) { pen.textAlign = "left"; pen.fillText(degree, outer + 6, at + unit * 0.35); }
   }
   pen.restore();
-  pen.setLineDash([]);
   pen.strokeStyle = MARK; pen.lineWidth = 2.4;
-  pen.beginPath(); pen.moveTo(x - 30, y); pen.lineTo(x - 12, y); pen.lineTo(x, y + 11); pen.lineTo(x + 12, y); pen.lineTo(x + 30, y); pen.stroke();
-  pen.lineWidth = 1.6;
+  pen.beginPath(); pen.moveTo(-30, 0); pen.lineTo(-12, 0); pen.lineTo(0, 11); pen.lineTo(12, 0); pen.lineTo(30, 0); pen.stroke();
 }
 
-function drawScale(pen, x, y, half, value, {step, unit: of, mark, bed, isLeft}, unit) {
+function drawScale(pen, {half, unit, value, step, of, mark, bed, isLeft}) {
   if (value == null) return;
-  const side = isLeft ? -1 : 1, perStep = half / 2.4, at = v => y + (isLeft ? -1 : 1) * (v - value) / step * perStep;
-  pen.strokeStyle = pen.fillStyle = LIGHT;
+  prepare(pen, unit);
+  const side = isLeft ? -1 : 1, perStep = half / 2.4, at = v => (isLeft ? -1 : 1) * (v - value) / step * perStep;
   pen.textAlign = isLeft ? "right" : "left";
-  pen.beginPath(); pen.moveTo(x, y - half); pen.lineTo(x, y + half); pen.stroke();
+  pen.beginPath(); pen.moveTo(0, -half); pen.lineTo(0, half); pen.stroke();
   for (let n = Math.ceil((value - 2.4 * step) / step * 2); n <= (value + 2.4 * step) / step * 2; n++) {
     const v = n * step / 2, isWhole = n % 2 === 0;
     if (v < -1e-9) continue;
-    pen.beginPath(); pen.moveTo(x, at(v)); pen.lineTo(x + side * (isWhole ? 9 : 5), at(v)); pen.stroke();
-    if (isWhole && Math.abs(at(v) - y) > unit * 1.4) pen.fillText(number(v, isLeft ? 1 : 0), x + side * 14, at(v) + unit * 0.35);
+    pen.beginPath(); pen.moveTo(0, at(v)); pen.lineTo(side * (isWhole ? 9 : 5), at(v)); pen.stroke();
+    if (isWhole && Math.abs(at(v)) > unit * 1.4) pen.fillText(number(v, isLeft ? 1 : 0), side * 14, at(v) + unit * 0.35);
   }
-  if (bed != null && Math.abs(at(bed) - y) <= half) {
+  if (bed != null && Math.abs(at(bed)) <= half) {
     pen.strokeStyle = pen.fillStyle = "#e0b877"; pen.lineWidth = 5;
-    pen.beginPath(); pen.moveTo(x, at(bed)); pen.lineTo(x + side * 32, at(bed)); pen.stroke();
+    pen.beginPath(); pen.moveTo(0, at(bed)); pen.lineTo(side * 32, at(bed)); pen.stroke();
     pen.lineWidth = 1.6;
-    pen.fillText("seabed", x + side * 38, at(bed) + unit * 0.35);
+    pen.fillText("seabed", side * 38, at(bed) + unit * 0.35);
   }
   if (mark != null) {
     pen.strokeStyle = MARK; pen.lineWidth = 3;
-    const to = clamp(at(mark), y - half, y + half);
-    pen.beginPath(); pen.moveTo(x + side * 10, to); pen.lineTo(x + side * 26, to); pen.stroke();
+    const to = clamp(at(mark), -half, half);
+    pen.beginPath(); pen.moveTo(side * 10, to); pen.lineTo(side * 26, to); pen.stroke();
     pen.lineWidth = 1.6;
   }
-  box(pen, `${number(value, isLeft ? 2 : 1)} ${of}`, x - side * 8, y, isLeft ? "left" : "right", unit + 3);
-  pen.font = pen.font.replace(/^\d+px/, `${unit}px`);
+  box(pen, `${number(value, isLeft ? 2 : 1)} ${of}`, -side * 8, 0, isLeft ? "left" : "right", unit + 3);
 }
 
 // The lines of text at the lower left: altitude, water, thrust, battery, time, delay.

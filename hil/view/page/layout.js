@@ -7,8 +7,8 @@ const KEY = "uuv-hil-view", THEMES = {auto: "light dark", light: "light", dark: 
 const CAMERA_NAMES = {follow: "follow", chase: "chase", top: "from above", eye: "vehicle's eye", free: "free"};
 
 export class Layout {
-  constructor(pictures, scene) {
-    this.pictures = pictures; this.scene = scene;
+  constructor(pictures, parts, scene) {
+    this.pictures = pictures; this.parts = parts; this.scene = scene;
     this.kept = {};
     try { this.kept = JSON.parse(localStorage.getItem(KEY)) || {}; } catch { /* a browser without storage forgets */ }
     const {main, sensor, inset = true, camera = "follow", map = "copper", theme = "auto", layers = {}} = this.kept;
@@ -122,7 +122,8 @@ export class Layout {
     out.width = canvas.width; out.height = canvas.height;
     const pen = out.getContext("2d");
     pen.drawImage(canvas, 0, 0);
-    pen.drawImage(at("hud"), 0, 0, out.width, out.height);
+    pen.scale(out.width / canvas.clientWidth, out.height / canvas.clientHeight);
+    this.parts.drawOn(pen);
     const name = `${at("vehicle").value}-${this.main === "scene" ? "scene" : this.sensor}-${new Date().toISOString().slice(0, 19).replaceAll(":", "")}.png`;
     out.toBlob(blob => {
       const link = Object.assign(document.createElement("a"), {href: URL.createObjectURL(blob), download: name});

@@ -1,11 +1,12 @@
 // The page: takes what the view sends, shows it, and sends what the hands and buttons do.
 import {angles} from "./math.js";
-import {number} from "./format.js";
-import {drawHud, hudTexts} from "./hud.js";
-import {drawOverlay} from "./overlay.js";
+import {isNew, number, write} from "./format.js";
+import {hudTexts, putHud} from "./hud.js";
+import {putOverlay} from "./overlay.js";
 import {Buttons} from "./buttons.js";
 import {Layout} from "./layout.js";
 import {DelayLine, Log, showHealth, showNumbers, showThrusters} from "./panels.js";
+import {Parts} from "./parts.js";
 import {Pictures} from "./pictures.js";
 import {Scene} from "./scene.js";
 import {Sticks} from "./sticks.js";
@@ -20,7 +21,7 @@ const log = new Log(), delays = new DelayLine(), sticks = new Sticks();
 const pictures = new Pictures(at("picture"), (header, image) => {
   if (header.kind === "sonar" && scene) scene.setFan(header.vehicle, header.sensor, image, header);
 });
-const layout = new Layout(pictures, () => scene);
+const parts = new Parts(at("hud")), layout = new Layout(pictures, parts, () => scene);
 const chosen = () => at("vehicle").value;
 const panel = () => state.values[`panel/${chosen()}`] || {};
 const now = () => state.values.motion?.[chosen()];
@@ -100,25 +101,22 @@ function showPanels() {
   delays.add(panel().delay);
   if (at("health").closest("details").open) showHealth(panel().delay, state.values[`figures/${chosen()}`]);
   buttons.show({file, see, playback, recording: state.values.recording});
-  at("factor").textContent = playback ? `time × ${playback.paused ? 0 : playback.speed}` : panel().factor ? `real time × ${number(panel().factor, 2)}` : "";
-  at("delay").textContent = panel().delay ? `delay ${number(panel().delay.median, 1)} ms` : "";
-  at("armed").textContent = panel().armed == null ? "" : panel().armed ? "armed" : "disarmed";
-  at("armed").className = `chip ${panel().armed ? "ok" : "bad"}`;
+  write("factor", playback ? `time × ${playback.paused ? 0 : playback.speed}` : panel().factor ? `real time × ${number(panel().factor, 2)}` : "");
+  write("delay", panel().delay ? `delay ${number(panel().delay.median, 1)} ms` : "");
+  write("armed", panel().armed == null ? "" : panel().armed ? "armed" : "disarmed");
+  if (isNew("armed as", panel().armed)) at("armed").className = `chip ${panel().armed ? "ok" : "bad"}`;
   layout.offer(state.values[`pictures/${chosen()}`] || [], content.sensors);
 }
 
 function hud() {
-  const canvas = at("hud"), ratio = Math.min(devicePixelRatio || 1, 2), width = canvas.clientWidth, height = canvas.clientHeight;
-  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) { canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio); }
-  const pen = canvas.getContext("2d"), see = reading(), isScene = layout.main === "scene";
-  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  pen.clearRect(0, 0, width, height);
-  if (isScene && scene) drawOverlay(pen, width, height, scene, {waypoints: state.waypoints, target: panel().target?.places || [],
+  const box = at("hud"), {clientWidth: width, clientHeight: height} = box, see = reading(), isScene = layout.main === "scene";
+  if (isScene && scene) putOverlay(parts, width, height, scene, {waypoints: state.waypoints, target: panel().target?.places || [],
                                                                  live: name => name !== chosen() || panel().present !== false});
   const isEye = isScene ? scene?.camera.mode === "eye" : !layout.isSonar();
   const isOn = Boolean(see && layout.layers.hud && !(isScene && !isEye && width < 560));
-  canvas.classList.toggle("on", isOn && !isScene && isEye);
-  if (isOn) drawHud(pen, width, height, see, isEye);
+  box.classList.toggle("on", isOn && !isScene && isEye);
+  if (isOn) putHud(parts, width, height, see, isEye);
+  parts.sweep();
 }
 
 let lastHud = 0, lastScene = 0;

@@ -1,10 +1,10 @@
 // The panels at the side: large numbers, compass card, thrusters where they sit, delay of the last minute, log.
-import {bearing, metres, number} from "./format.js";
+import {bearing, isNew, metres, number, write} from "./format.js";
 
 const at = id => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 const LEAST = {info: 0, warning: 1, error: 2};
-const MINUTE_MS = 60_000, LOG_LINES = 400;
+const MINUTE_MS = 60_000, SHIFT_MS = 500, LOG_LINES = 400;
 
 function svg(name, attributes, text = "") {
   const made = document.createElementNS(SVG, name);
@@ -14,23 +14,23 @@ function svg(name, attributes, text = "") {
 }
 
 export function showNumbers(see, panel, position) {
-  at("nowdepth").textContent = number(see.depth, Math.abs(see.depth) < 100 ? 1 : 0);
-  at("nowheading").textContent = bearing(see.heading);
-  at("nowaltitude").textContent = number(panel.altitude, 1);
+  write("nowdepth", number(see.depth, Math.abs(see.depth) < 100 ? 1 : 0));
+  write("nowheading", bearing(see.heading));
+  write("nowaltitude", number(panel.altitude, 1));
   const {depth, heading} = see.target || {};
-  at("todepth").textContent = depth == null ? "" : `→ ${number(depth, 1)}`;
-  at("toheading").textContent = heading == null ? "" : `→ ${bearing(heading)}`;
+  write("todepth", depth == null ? "" : `→ ${number(depth, 1)}`);
+  write("toheading", heading == null ? "" : `→ ${bearing(heading)}`);
   const [volts, share] = panel.battery || [];
-  at("nowbattery").textContent = volts ? number(100 * share, 0) : "–";
-  at("volts").textContent = volts ? `% ${number(volts, 1)} V` : "no battery";
+  write("nowbattery", volts ? number(100 * share, 0) : "–");
+  write("volts", volts ? `% ${number(volts, 1)} V` : "no battery");
   const rows = [["north", `${metres(position[0])} m`], ["east", `${metres(position[1])} m`], ["speed", `${number(see.speed, 2)} m/s`],
                 ["roll", `${number(see.roll, 0)}°`], ["pitch", `${number(see.pitch, 0)}°`]];
-  at("position").replaceChildren(...rows.flatMap(([name, value]) => [["dt", name], ["dd", value]].map(([kind, text]) => {
+  if (isNew("position", rows)) at("position").replaceChildren(...rows.flatMap(([name, value]) => [["dt", name], ["dd", value]].map(([kind, text]) => {
     const cell = document.createElement(kind);
     cell.textContent = text;
     return cell;
   })));
-  showCompass(see);
+  if (isNew("compass", [Math.round(10 * see.heading), heading])) showCompass(see);
 }
 
 function showCompass({heading, target}) {
@@ -55,6 +55,7 @@ function showCompass({heading, target}) {
 // Thrusters seen from above, at their places: bars along their direction; those that push up or down as discs.
 export function showThrusters(file, thrusts, pwm, failures) {
   const box = at("thrusters"), list = file?.thrusters || [];
+  if (!isNew("thrusters", [file?.dimensions, thrusts.map(each => number(each, 1)), pwm, failures])) return;
   box.closest("section").hidden = !list.length && !pwm.length;
   if (!list.length) { box.replaceChildren(svg("text", {x: 0, y: 14, "font-size": 11, fill: "currentColor"}, `pulses ${pwm.join(", ")} us`)); return; }
   const [length, width] = file.dimensions, reach = Math.max(...list.map(({position}) => Math.abs(position[0])), length / 2), wide = Math.max(...list.map(({position}) => Math.abs(position[1])), width / 2);
@@ -88,6 +89,7 @@ export class DelayLine {
   add(delay) {
     const now = performance.now();
     if (delay) this.points.push([now, delay.newest]);
+    if (!isNew("link", [Math.floor(now / SHIFT_MS), Boolean(delay)])) return;
     while (this.points.length && now - this.points[0][0] > MINUTE_MS) this.points.shift();
     const box = at("link"), most = Math.max(...this.points.map(point => point[1]), 1), parts = [];
     const words = delay ? `command delay, last minute: median ${number(delay.median, 1)}, 99 % ${number(delay.p99, 0)} ms` : "no command was answered yet";

@@ -6,7 +6,7 @@ import {BACKDROP, FAN, LINE, MESH, SEABED, SNOW, SURFACE} from "./shaders.js";
 import {propellerShape, vehicleShape} from "./shapes.js";
 import {COLOURS, DEPTH_STOPS, World, sensorLines} from "./world.js";
 
-const ALLOWED_MS = 50, SHARPEST = 1, COARSEST = 0.3;  // of a frame; pixels drawn for each of the screen
+const ALLOWED_MS = 60, SHARPEST = 1, COARSEST = 0.3;  // of a frame; pixels drawn for each of the screen
 const TRACK_STEP = 0.1, THRUST_M_PER_N = 0.012, FULL_TURN_RATE = 45;  // m; m; rad/s of a propeller at full thrust
 const UNKNOWN = {dimensions: [1, 0.5, 0.4], kind: "frame"};
 
@@ -169,27 +169,28 @@ export class Scene {
   _common(pose) {
     const {water} = this.content, {camera} = this, isEye = camera.mode === "eye";
     const fog = !this.show.water ? 0 : isEye ? 0.7 : clamp(1.2 / camera.range, 0, 0.3);  // from outside the vehicle is always seen
+    const daylight = this.show.water ? water.daylight.map(v => 0.8 * v) : [0, 0, 0];
     const depth = Math.max(0, -camera.eye[1], pose ? -pose.position[1] : 0), green = Math.exp(-water.daylight[1] * depth);
     const lamps = pose && (pose.vehicle.file.lamps || Object.values(this.content.sensors).some(each => each.lamps));
     const share = lamps ? clamp(1.2 - green, 0.25, 1) : 0;
     const along = pose ? toScene(rotate(pose.attitude, [0.97, 0, 0.24]), [0, 0]) : [0, -1, 0];
     return {
       uView: camera.view, uAhead: camera.rays.ahead, uRight: camera.rays.right, uUp: camera.rays.up, uEye: camera.eye, uAttenuation: water.attenuation, uBackscatter: water.backscatter,
-      uVeil: this.show.water ? water.veil.map((v, k) => 0.004 + 0.45 * v + 0.006 * k) : [0.5, 0.62, 0.7], uDaylight: this.show.water ? water.daylight.map(v => 0.8 * v) : [0, 0, 0],
+      uVeil: this.show.water ? water.veil.map((v, k) => 0.004 + 0.45 * v + 0.006 * k) : [0.5, 0.62, 0.7], uDaylight: daylight, uEyeLight: daylight.map(v => Math.exp(v * Math.min(camera.eye[1], 0))),
       uFog: fog, uExposure: 2.3 / Math.pow(Math.max(green, 0.004), 0.75), uTime: this.time,
       uLamp: 2.5 * share * Math.max(green, 0.05), uLampAlong: along,
       uLampAt: pose ? add(pose.position, toScene(rotate(pose.attitude, [0.5 * pose.vehicle.file.dimensions[0], 0, 0]), [0, 0])) : [0, 0, 0],
     };
   }
 
+  // What hides other things comes first, so that no pixel is computed twice.
   _drawAll(common, size, pose) {
     const {gl, programs, world, camera} = this, isEye = camera.mode === "eye", isFar = camera.range > 12;
     gl.disable(gl.BLEND);
-    gl.disable(gl.DEPTH_TEST);
-    programs.backdrop.use(common);
-    this.backdrop.draw();
-    gl.enable(gl.DEPTH_TEST);
     gl.clear(gl.DEPTH_BUFFER_BIT);
+    programs.mesh.use({...common, uModel: IDENTITY, uOpacity: 1});
+    for (const {mesh, opacity} of world?.solids || []) if (opacity === 1) mesh.draw();
+    this._drawVehicles(programs.mesh, isEye);
     if (world) {
       const {least, deepest, contour, bottom} = world.world, [height, wave, heading] = bottom.ripples, k = 2 * Math.PI / wave;
       programs.seabed.use({
@@ -200,10 +201,11 @@ export class Scene {
       gl.uniform3fv(programs.seabed.uniforms.uStops[0], DEPTH_STOPS.flatMap(linear));
       world.seabed.draw();
     }
-    programs.mesh.use({...common, uModel: IDENTITY, uOpacity: 1});
-    for (const {mesh, opacity} of world?.solids || []) if (opacity === 1) mesh.draw();
-    this._drawVehicles(programs.mesh, isEye);
-    this._drawClear(common, size, isEye);
+    const isBelow = camera.eye[1] <= 0;
+    if (isBelow) this._drawSurface(common);  // from there nothing is seen through it
+    programs.backdrop.use(common);
+    this.backdrop.draw();
+    this._drawClear(common, size, isEye, isBelow);
   }
 
   _drawVehicles(program, isEye) {
@@ -221,14 +223,20 @@ export class Scene {
     }
   }
 
+  _drawSurface(common) {
+    if (!this.world || !this.show.water) return;
+    this.programs.surface.use({...common, uNoise: this.noise});
+    this.world.surface.draw();
+  }
+
   // What is seen through: nets, surface, fans, lines, particles.
-  _drawClear(common, size, isEye) {
+  _drawClear(common, size, isEye, isBelow) {
     const {gl, programs, world} = this;
     gl.enable(gl.BLEND);
     programs.mesh.use({...common, uModel: IDENTITY});
     for (const {mesh, opacity} of world?.solids || []) if (opacity < 1) { programs.mesh.set({uOpacity: opacity}); mesh.draw(); }
     gl.depthMask(false);
-    if (world && this.show.water) { programs.surface.use({...common, uNoise: this.noise}); world.surface.draw(); }
+    if (!isBelow && !gl.isSoftware) this._drawSurface(common);
     if (this.show.sensors) for (const vehicle of this.vehicles.values()) for (const fan of vehicle.fans.values())
       if (vehicle.model && !isEye) { programs.fan.use({...common, uModel: vehicle.model, uEchoes: fan.echoes}); fan.mesh.draw(); }
     programs.line.use({...common, uSize: size.map(each => each / 2)});
@@ -278,4 +286,4 @@ function multiplied(model, {position, direction, diameter}, turn) {  // of a pro
   return out;
 }
 
-const linear = hex => [1, 3, 5].map(k => (parseInt(hex.slice(k, k + 2), 16) / 255) ** 2.2);
+const linear = hex => [1, 3, 5].map(k => (parseInt(hex.slice(k, k + 2), 16) / 255) ** 2);

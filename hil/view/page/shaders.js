@@ -1,29 +1,32 @@
 // The shaders of the scene. Colours are linear until the last line, which exposes them as a camera does.
+// A renderer without a graphics card computes each pixel: exponentials are few, and what adds nothing is skipped.
 
 const WATER = `#version 300 es
 precision highp float;
 uniform mat4 uView;
-uniform vec3 uEye, uAttenuation, uBackscatter, uVeil, uDaylight, uLampAt, uLampAlong;
+uniform vec3 uEye, uAttenuation, uBackscatter, uVeil, uDaylight, uEyeLight, uLampAt, uLampAlong;
 uniform float uFog, uExposure, uTime, uLamp;
 vec3 daylight(float y) { return exp(-uDaylight * max(-y, 0.0)); }
-// What is left of a colour after its way through the water, and the water's own light on that way.
-vec3 throughWater(vec3 lit, vec3 at) {
+// What is left of a colour after its way through the water, and the water's own light on that way: that of the middle
+// between "day", the daylight there, and that of the eye.
+vec3 throughWater(vec3 lit, vec3 at, vec3 day) {
   float way = distance(at, uEye) * uFog;
   if (uEye.y > 0.0) way *= clamp(-at.y / max(uEye.y - at.y, 1e-3), 0.0, 1.0);
-  vec3 veil = uVeil * daylight(0.5 * (at.y + min(uEye.y, 0.0)));
+  vec3 veil = uVeil * sqrt(day * uEyeLight);
   return lit * exp(-uAttenuation * way) + veil * (1.0 - exp(-uBackscatter * way));
 }
 vec3 lampLight(vec3 at, vec3 normal) {
+  if (uLamp == 0.0) return vec3(0.0);
   vec3 ray = at - uLampAt;
   float away = length(ray), cone = smoothstep(0.72, 0.93, dot(ray, uLampAlong) / max(away, 1e-3));
   float facing = 0.25 + 0.75 * max(dot(normal, -ray) / max(away, 1e-3), 0.0);
   return uLamp * cone * facing / (1.0 + 0.35 * away * away) * exp(-uAttenuation * away);
 }
-vec3 lit(vec3 albedo, vec3 normal, vec3 at) {
+vec3 lit(vec3 albedo, vec3 normal, vec3 at, vec3 day) {
   float sun = 0.4 + 0.6 * max(dot(normal, vec3(0.36, 0.84, 0.4)), 0.0);
-  return albedo * (daylight(at.y) * sun + lampLight(at, normal));
+  return albedo * (day * sun + lampLight(at, normal));
 }
-vec3 exposed(vec3 colour) { return pow(1.0 - exp(-colour * uExposure), vec3(1.0 / 2.2)); }
+vec3 exposed(vec3 colour) { return sqrt(1.0 - exp(-colour * uExposure)); }
 `;
 
 export const MESH = [WATER + `
@@ -40,9 +43,9 @@ uniform float uOpacity;
 out vec4 outColour;
 void main() {
   vec3 normal = normalize(gl_FrontFacing ? vNormal : -vNormal);
-  float rim = pow(1.0 - abs(dot(normal, normalize(uEye - vAt))), 3.0);
-  vec3 colour = lit(pow(vColour, vec3(2.2)), normal, vAt) + rim * 0.15 * daylight(vAt.y);
-  outColour = vec4(exposed(throughWater(colour, vAt)), uOpacity);
+  float edge = 1.0 - abs(dot(normal, normalize(uEye - vAt)));
+  vec3 day = daylight(vAt.y), colour = lit(vColour * vColour, normal, vAt, day) + edge * edge * edge * 0.15 * day;
+  outColour = vec4(exposed(throughWater(colour, vAt, day)), uOpacity);
 }`];
 
 export const SEABED = [WATER + `
@@ -67,6 +70,7 @@ vec3 ramp(float depth) {
 }
 void main() {
   float depth = -vAt.y, away = distance(vAt, uEye);
+  vec3 day = daylight(vAt.y);
   vec4 coarse = texture(uNoise, vAt.xz * 0.043), fine = texture(uNoise, vAt.xz * 0.61);
   float near = 1.0 / (1.0 + 0.05 * away);
   vec2 slope = (fine.gb - 0.5) * uRough * near + (coarse.gb - 0.5) * uRough * 0.5;
@@ -74,15 +78,19 @@ void main() {
   slope += uRipples.z * cos(phase) * normalize(uRipples.xy + 1e-6) * near;
   vec3 normal = normalize(vNormal + vec3(slope.x, 0.0, slope.y));
   vec3 bed = vBed.rgb * (1.0 + vBed.a * ((fine.r - 0.5) * near + 0.9 * (coarse.r - 0.5)));
-  vec3 colour = lit(mix(bed, ramp(depth) * (0.35 + 1.3 * dot(bed, vec3(0.8))), uRamp), normal, vAt);
-  float shimmer = texture(uNoise, vAt.xz * 0.21 + 0.02 * uTime).r + texture(uNoise, vAt.xz * 0.17 - 0.017 * uTime).r;
-  colour *= 1.0 + 0.9 * exp(-0.22 * depth) * pow(shimmer, 4.0) * (1.0 - uRamp);
+  if (uRamp > 0.0) bed = mix(bed, ramp(depth) * (0.35 + 1.3 * dot(bed, vec3(0.8))), uRamp);
+  vec3 colour = lit(bed, normal, vAt, day);
+  if (depth < 15.0) {  // deeper, nothing is seen of the light that waves gather
+    float shimmer = texture(uNoise, vAt.xz * 0.21 + 0.02 * uTime).r + texture(uNoise, vAt.xz * 0.17 - 0.017 * uTime).r;
+    shimmer *= shimmer;
+    colour *= 1.0 + 0.9 * exp(-0.22 * depth) * shimmer * shimmer * (1.0 - uRamp);
+  }
   if (uContour > 0.0) {
     float f = depth / uContour, w = max(fwidth(f), 1e-5);
     float line = 1.0 - smoothstep(0.4, 1.4, abs(fract(f - 0.5) - 0.5) / w);
     colour *= 1.0 - 0.55 * line * smoothstep(0.6, 0.2, w);
   }
-  outColour = vec4(exposed(throughWater(colour, vAt)), 1.0);
+  outColour = vec4(exposed(throughWater(colour, vAt, day)), 1.0);
 }`];
 
 // The surface: from below a window of sky around the vertical, and beyond it a mirror; from above nearly clear.
@@ -100,7 +108,7 @@ void main() {
   vec3 ray = normalize(vAt - uEye);
   float up = ray.y + 0.35 * wave.x;
   vec3 colour = mix(uVeil * 1.2, vec3(0.75, 0.9, 1.0), smoothstep(0.55, 0.8, up)) + 0.1 * max(wave.y, 0.0);
-  outColour = vec4(exposed(throughWater(colour, vAt)), 1.0);
+  outColour = vec4(exposed(throughWater(colour, vAt, vec3(1.0))), 1.0);
 }`];
 
 // Behind everything: water without end, brighter upwards.
@@ -116,7 +124,7 @@ in vec3 vRay;
 out vec4 outColour;
 void main() {
   float up = normalize(vRay).y;
-  vec3 water = uVeil * daylight(min(uEye.y, 0.0)) * (1.0 + 0.55 * up + 0.25 * up * abs(up));
+  vec3 water = uVeil * uEyeLight * (1.0 + 0.55 * up + 0.25 * up * abs(up));
   outColour = vec4(exposed(water), 1.0);
 }`];
 

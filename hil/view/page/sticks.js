@@ -1,4 +1,5 @@
 // Sticks: keyboard, gamepad, and two sticks under the thumbs. The vehicle moves only while a switch is held.
+import {isNew, write} from "./format.js";
 
 const KEYS = {KeyW: ["surge", 1], KeyS: ["surge", -1], KeyD: ["yaw", 1], KeyA: ["yaw", -1],
               KeyE: ["sway", 1], KeyQ: ["sway", -1], KeyF: ["heave", 1], KeyR: ["heave", -1]};
@@ -57,7 +58,7 @@ export class Sticks {
 
   _gamepad() {
     const pad = [...(navigator.getGamepads?.() || [])].find(each => each && each.connected);
-    at("pad").textContent = pad ? "gamepad: " + pad.id.slice(0, 24) : "";
+    write("pad", pad ? "gamepad: " + pad.id.slice(0, 24) : "");
     if (!pad) return null;
     const dead = value => Math.abs(value || 0) < 0.12 ? 0 : value;
     return {held: [4, 5, 6, 7].some(n => pad.buttons[n]?.pressed),
@@ -72,7 +73,7 @@ export class Sticks {
     if (left) { axes.yaw += left[0]; axes.surge += left[1]; }
     if (right) { axes.sway += right[0]; axes.heave -= right[1]; }
     const held = this.pressed || this.down.has("Space") || Boolean(pad?.held || left || right);
-    at("switch").setAttribute("aria-pressed", String(held));
+    if (isNew("held", held)) at("switch").setAttribute("aria-pressed", String(held));
     return {axes, held};
   }
 }
