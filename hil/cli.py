@@ -150,7 +150,6 @@ EXTRAS = {
     "pymavlink": "mavlink",
     "av": "video",
     "can": "can",
-    "msgpack": "can",
     "unicorn": "unicorn",
     "pyocd": "flash",
 }

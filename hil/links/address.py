@@ -11,8 +11,8 @@ can:slcan:/dev/ttyACM0            a CAN adapter with the Lawicel text protocol; 
                                   device its speed is no part of the address
 can:socketcand:HOST:PORT          can0 of another machine that runs socketcand; HOST:PORT/can1: another bus of it
 can:virtual:bus0                  a bus within this process
-can:udp_multicast:239.74.163.2    a bus between the processes of this machine
-can:mcast:0                       the same in the form of ArduPilot's SITL and DroneCAN's tools, bus 0 to 255
+can:mcast:0                       a bus between the processes of this machine, 0 to 255, in the form of ArduPilot's
+                                  SITL and DroneCAN's tools
 can:INTERFACE:CHANNEL             any other interface of the python-can package
 NAME:TARGET                       a wire that another package adds (hil.common.plugins)
 """
@@ -171,6 +171,12 @@ def _open_can(address: Address, baud: int, bitrate: int) -> Wire:
         from hil.links.wires.multicast_bus import MulticastCanWire
 
         return MulticastCanWire(address.target)
+    if address.interface == "virtual":
+        from hil.links.wires.virtual_bus import VirtualCanWire
+
+        return VirtualCanWire(address.target)
+    if address.interface == "udp_multicast":  # python-can's returns our own frames, and sends them to other machines
+        raise ConfigError(f"can:udp_multicast:{address.target}: use can:mcast:0, or another number up to 255")
     from hil.links.wires.python_can_bus import PythonCanWire
 
     return PythonCanWire(address.interface, address.target, bitrate)

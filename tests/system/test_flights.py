@@ -16,7 +16,7 @@ FLIGHTS = {
     "frame, slow as 115200 baud": ("python", "pty:", "frame"),
     "mavlink on a pty": ("python", "pty:", "mavlink"),
     "mavlink over udp, in a process": ("process", "udp://127.0.0.1:{port}", "mavlink"),
-    "dronecan": ("python", "can:udp_multicast:239.74.163.77", "dronecan"),
+    "dronecan": ("python", "can:mcast:77", "dronecan"),
     "vesc": ("python", "can:virtual:bus0", "vesc"),
     "image in Unicorn": ("unicorn", "pty:", "frame"),
     "image in Unicorn, mavlink": ("unicorn", "pty:", "mavlink"),

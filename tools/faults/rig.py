@@ -251,7 +251,7 @@ class Rig:
         if wire == "pty":
             return f"pty:{self.folder / 'near'}", f"pty:{self.folder / 'far'}"
         if wire == "can":
-            bus = f"can:udp_multicast:239.74.164.{random.SystemRandom().randrange(1, 255)}"
+            bus = f"can:mcast:{random.SystemRandom().randrange(1, 255)}"
             return bus, bus
         ports = free_ports(2)
         return f"{wire}://127.0.0.1:{ports[0]}", f"{wire}://127.0.0.1:{ports[1]}"

@@ -2,6 +2,7 @@
 
     SocketCanWire    a bus of the Linux kernel, can0 or vcan0, without any package: its sockets use these records
     SlcanWire, SocketcandWire    adapters and servers that write frames as text, see `hil.links.wires.text_can_bus`
+    VirtualCanWire, MulticastCanWire    buses within this process and this machine, also without any package
     PythonCanWire    any other interface of the python-can package, see `hil.links.wires.python_can_bus`
 
 None blocks, and none returns the frames that it sent itself. A full queue refuses whole frames. Frames that are not

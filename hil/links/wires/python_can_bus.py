@@ -1,7 +1,6 @@
 """CAN buses as wires through the python-can package, see `hil.links.wires.can_bus`.
 
-"virtual" connects the ends within one process, "udp_multicast" (which also needs msgpack) those on one machine;
-python-can has drivers for the adapters of many manufacturers. The package costs 130 ms and 18 MiB at its first use.
+It has drivers for the adapters of many manufacturers. The package costs 130 ms and 18 MiB at its first use.
 
 The drivers are others' code: some wait for the rest of a frame, and some raise any exception for a byte that noise has
 changed. So a thread reads them, a frame that a driver cannot decode is dropped, and any other failure is a DeviceError.
@@ -9,13 +8,11 @@ changed. So a thread reads them, a frame that a driver cannot decode is dropped,
 
 import contextlib
 import errno
-import itertools
 import os
 import queue
 import sys
 import threading
-from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hil.common.errors import DeviceError, HilError, MissingExtraError
 from hil.links.contract import Wire
@@ -25,48 +22,37 @@ from hil.links.wires.can_frame import ERROR, ID_MASK, MAX_DATA, RECORD_SIZE, Can
 if TYPE_CHECKING:
     from can import BusABC, Message
 
-WITH_DESCRIPTOR = ("virtual", "udp_multicast")  # their descriptors are readable only if a whole frame is there
 DAMAGED = pack_frame(CanFrame(ERROR, b""))  # in place of a frame that its driver could not decode
 
 
 class PythonCanWire(Wire):
     """A bus of the python-can package: `interface` and `channel` as in python-can, `bitrate` in bit/s.
 
-    With "udp_multicast", frames stay on this machine. If one of our frames is lost on its way back to us, the next
-    identical frame of another sender is taken for it and dropped. Raises DeviceError if the bus cannot be opened;
-    MissingExtraError without the package.
+    Raises DeviceError if the bus cannot be opened; MissingExtraError without the package.
     """
 
     record_size = RECORD_SIZE
-    MAX_ECHOES = 1024  # more than the socket's buffer holds
 
     def __init__(self, interface: str, channel: str, bitrate: int = BITRATE) -> None:
         self.name = f"can:{interface}:{channel}"
         self._bus: BusABC | None = _open_bus(self.name, interface, channel, bitrate)
         self._can = sys.modules["can"]  # an import statement for each frame would cost as much as sending it
-        # Only this bus returns the frames that we send, and does not mark them.
-        self._echoes: deque[bytes] | None = deque(maxlen=self.MAX_ECHOES) if interface == "udp_multicast" else None
-        self._source = _Source(self._bus)
-        self._reader = None if interface in WITH_DESCRIPTOR else _Reader(self._source)
-        self._fd = self._reader.fd if self._reader else self._bus.fileno()
+        self._reader = _Reader(_Source(self._bus))
 
     def fileno(self) -> int:
         """Return the descriptor to wait on for frames; -1 once closed."""
-        return self._fd
+        return self._reader.fd if self._bus else -1
 
     def read(self) -> bytes:
         """Return the received frames (256 at most), or b"". Raises DeviceError if the bus is lost."""
         self._opened()
         try:
-            records = self._reader.pop_records() if self._reader else self._records()
+            return b"".join(self._reader.pop_records())
         except Exception as error:  # noqa: BLE001 - whatever a driver raises
             raise self._lost_error(error) from None
-        return b"".join([record for record in records if not self._is_echo(record)])
 
     def discard_received(self) -> int:
         """Discard the received frames, also those that the reading thread has not taken from the bus yet."""
-        if not self._reader:
-            return super().discard_received()
         self._opened()
         return self._reader.discard_records() * RECORD_SIZE
 
@@ -81,10 +67,9 @@ class PythonCanWire(Wire):
 
     def close(self) -> None:
         """Close the bus. May be called twice."""
-        bus, self._bus, self._fd = self._bus, None, -1
+        bus, self._bus = self._bus, None
         if bus:
-            if self._reader:
-                self._reader.stop()
+            self._reader.stop()
             with contextlib.suppress(Exception):  # of a driver whose device is gone
                 bus.shutdown()
 
@@ -93,13 +78,7 @@ class PythonCanWire(Wire):
             raise DeviceError(f"{self.name}: is closed; open it again")
         return self._bus
 
-    def _records(self) -> list[bytes]:
-        found = itertools.islice(iter(lambda: self._source.next_record(0), None), MAX_FRAMES)
-        return [record for record in found if record is not None]
-
     def _send(self, bus: "BusABC", frame: CanFrame) -> bool:
-        if self._echoes is not None:
-            self._echoes.append(pack_frame(frame))
         message = self._can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended)
         try:
             bus.send(message, timeout=0)
@@ -108,14 +87,7 @@ class PythonCanWire(Wire):
             is_full = cause.errno in (errno.EAGAIN, errno.ENOBUFS) if cause else isinstance(error, self._can.CanError)
             if not is_full:
                 raise self._lost_error(error) from None
-            self._is_echo(pack_frame(frame))
             return False
-        return True
-
-    def _is_echo(self, record: bytes) -> bool:
-        if not self._echoes or record not in self._echoes:
-            return False
-        self._echoes.remove(record)
         return True
 
     def _lost_error(self, reason: Exception) -> DeviceError:
@@ -226,15 +198,10 @@ def _open_bus(name: str, interface: str, channel: str, bitrate: int) -> "BusABC"
         import can
     except ImportError:
         raise MissingExtraError(f"{name} needs python-can: pip install 'uuv-hil[can]'") from None
-    if interface == "virtual":
-        from hil.links.wires.virtual_bus import VirtualBus
-
-        return VirtualBus(channel, MAX_FRAMES)
     if interface not in can.VALID_INTERFACES:
         raise DeviceError(f"{name}: python-can has no such interface; it has {', '.join(sorted(can.VALID_INTERFACES))}")
-    own: dict[str, dict[str, Any]] = {"udp_multicast": {"hop_limit": 0, "fd": False}}
     try:
-        return can.Bus(channel, interface, ignore_config=True, **own.get(interface, {"bitrate": bitrate}))
+        return can.Bus(channel, interface, ignore_config=True, bitrate=bitrate)
     except Exception as error:  # noqa: BLE001 - whatever a driver raises
         raise _opening_error(name, interface, error) from None
 

@@ -1,76 +1,52 @@
-"""python-can's virtual bus with a descriptor to wait on.
+"""A CAN bus between the ends in this process, without any package; see `hil.links.wires.can_bus`."""
 
-With it a sender can read the answer at once, without a thread that has to wake up. Other software in this process uses
-it like any virtual bus.
-"""
+import socket
 
-import os
-import queue
-import time
+from hil.links.wires.can_frame import RECORD_SIZE
+from hil.links.wires.terminal import READ_SIZE, DescriptorWire
 
-from can import CanOperationError, Message
-from can.interfaces import virtual
-
-Messages = queue.Queue[Message]
+_buses: dict[str, list["VirtualCanWire"]] = {}  # by name: the open ends
 
 
-class BelledQueue(Messages):
-    """Queue whose `fd` is readable while it is not empty. Raises queue.Full and queue.Empty like any queue."""
+class VirtualCanWire(DescriptorWire):
+    """One end of the virtual bus `channel`.
 
-    def __init__(self, most: int) -> None:
-        super().__init__(most)
-        self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+    Each end has a socket, into which the others write. One that does not read refuses further frames once it is full.
+    """
+
+    record_size = RECORD_SIZE
+
+    def __init__(self, channel: str) -> None:
+        exit_, self._entry = socket.socketpair()
+        for end in (exit_, self._entry):
+            end.setblocking(False)
+        super().__init__(exit_.detach(), f"can:virtual:{channel}")
+        self._bus = _buses.setdefault(channel, [])
+        self._bus.append(self)
+
+    def write(self, data: bytes) -> int:
+        """Send whole records to all other ends; return the bytes that they accepted. Raises DeviceError if closed."""
+        if self._fd < 0:
+            raise self._lost_error(None)
+        for start in range(0, len(data), READ_SIZE):  # a socket takes so few bytes as a whole, or none of them
+            for other in tuple(self._bus):
+                if other is not self and not other.takes(data[start : start + READ_SIZE]):
+                    return start
+        return len(data)
+
+    def takes(self, records: bytes) -> bool:
+        """Store records for this end to read; return whether there was room. A closed end takes any."""
+        try:
+            self._entry.send(records)
+        except BlockingIOError:
+            return False
+        except OSError:  # it was closed in another thread
+            return True
+        return True
 
     def close(self) -> None:
-        """Close the descriptor. A sender that still has this queue may use it, without effect."""
-        with self.mutex:
-            fd, self.fd = self.fd, -1
-            if fd >= 0:
-                os.close(fd)
-
-    def _put(self, item: Message) -> None:  # the mutex is held here and in `_get`
-        if self.fd >= 0 and not self._qsize():
-            os.eventfd_write(self.fd, 1)
-        super()._put(item)
-
-    def _get(self) -> Message:
-        item: Message = super()._get()
-        if self.fd >= 0 and not self._qsize():
-            os.eventfd_read(self.fd)
-        return item
-
-
-class VirtualBus(virtual.VirtualBus):
-    """One end of the virtual bus `channel` of this process; at most `most_frames` frames wait to be read."""
-
-    def __init__(self, channel: str, most_frames: int) -> None:
-        super().__init__(channel)
-        self._waiting = BelledQueue(most_frames)
-        with virtual.channels_lock:
-            self.channel[self.channel.index(self.queue)] = self.queue = self._waiting
-
-    def fileno(self) -> int:
-        """Return the descriptor to wait on for frames."""
-        return self._waiting.fd
-
-    def send(self, msg: Message, timeout: float | None = None) -> None:
-        """Send a data frame to all other ends, as a simple copy each; python-can's deep copies take most of its time.
-
-        Raises CanOperationError if one of them does not read within `timeout` (s).
-        """
-        self._check_if_open()
-        now = time.time()
-        for other in self.channel:
-            if other is not self.queue:
-                copy = Message(
-                    now, msg.arbitration_id, msg.is_extended_id, channel=self.channel_id, data=bytes(msg.data)
-                )
-                try:
-                    other.put(copy, timeout=timeout)
-                except queue.Full:
-                    raise CanOperationError("an end of the bus does not read") from None
-
-    def shutdown(self) -> None:
         """Leave the bus. May be called twice."""
-        super().shutdown()
-        self._waiting.close()
+        if self in self._bus:
+            self._bus.remove(self)
+        self._entry.close()
+        super().close()

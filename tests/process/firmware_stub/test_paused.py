@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -16,22 +15,11 @@ from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.protocols import open_protocol
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import open_driver
-from tests.support.links.can_pairs import GROUP
-from tests.support.network.multicast import require_multicast
 from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 WATCHDOG_S = 0.2
 BEFORE, WHILE_STOPPED, NEUTRAL = (1600,) * 6, (1700,) * 6, (1500,) * 6
 COMMANDS = 400  # 8.8 kB: more than the 4 kB that one read of a terminal can return
-# A bus of python-can that a thread reads, as those of most adapters.
-WITHOUT_DESCRIPTOR = """
-import sys
-from firmware_stub.serve import main
-from hil.links.wires import python_can_bus
-python_can_bus.WITH_DESCRIPTOR = ()
-sys.exit(main(sys.argv[1:]))
-"""
-
 Paused = tuple[int, ThrusterLink]  # id of the process with the STM32, and the host's end of its link
 
 
@@ -65,17 +53,6 @@ def in_slave(kind: str, wire: str, faults: str = "") -> Callable[[Path], Iterato
     return start
 
 
-def on_bus_without_descriptor(folder: Path) -> Iterator[Paused]:
-    """An STM32 in a process of its own on a CAN bus that a thread has to read."""
-    require_multicast()
-    port = f"can:udp_multicast:{GROUP}"
-    command = [sys.executable, "-c", WITHOUT_DESCRIPTOR, "--protocol", "vesc", "--port", port]
-    with Program(folder, "--channels", 6, "--watchdog", f"{WATCHDOG_S} s", command=command) as stm32:
-        stm32.expect("Ctrl-C")
-        with closing(ThrusterLink(open_address(port, "host"), open_protocol("vesc", "host", 6))) as host:
-            yield stm32.process.pid, host
-
-
 def pulses_of(host: ThrusterLink) -> set[tuple[int, ...]]:
     """Return the pulse widths in the reports that have arrived, to 10 us: a motor's duty is rounded otherwise."""
     reports = [message for message in host.receive() if isinstance(message, ThrusterTelemetry)]
@@ -92,7 +69,6 @@ def pulses_of(host: ThrusterLink) -> set[tuple[int, ...]]:
         pytest.param(in_slave("python", "pty", "[link.faults]\ndelay = 0.3"), id="slave, slow pty"),
         pytest.param(in_slave("python", "udp"), id="slave, udp"),
         pytest.param(in_slave("unicorn", "pty"), id="slave, unicorn"),
-        pytest.param(on_bus_without_descriptor, id="bus without descriptor"),
     ],
 )
 def test_commands_that_arrived_while_it_was_stopped_are_discarded(

@@ -8,9 +8,9 @@ import pytest
 from hil.common.errors import ConfigError, DeviceError
 from hil.links.address import Address, open_address, parse_address
 from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
-from hil.links.wires.python_can_bus import PythonCanWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from hil.links.wires.text_can_bus import SlcanWire
+from hil.links.wires.virtual_bus import VirtualCanWire
 from tests.support.links.link_contract import nothing_leaks, read_bytes, wait_readable
 
 
@@ -36,7 +36,7 @@ def _no_leaks() -> Iterator[None]:
         ("/dev/serial/by-path/usb@14.0-port0", Address("uart", "/dev/serial/by-path/usb@14.0-port0")),
         ("/tmp/boat@2", Address("uart", "/tmp/boat@2")),  # a pty's name, which a person chose
         ("can:mcast:0", Address("can", "0", interface="mcast")),
-        ("can:udp_multicast:ff15::1", Address("can", "ff15::1", interface="udp_multicast")),
+        ("can:neovi:ff15::1", Address("can", "ff15::1", interface="neovi")),
     ],
 )
 def test_each_form_of_address_is_parsed(text: str, address: Address) -> None:
@@ -116,8 +116,10 @@ def test_ipv6_addresses_are_opened(scheme: str) -> None:
 
 def test_can_addresses_are_opened() -> None:
     bus = open_address("can:virtual:address", "device")
-    assert isinstance(bus, PythonCanWire)
+    assert isinstance(bus, VirtualCanWire)
     bus.close()
+    with pytest.raises(ConfigError, match="use can:mcast:0"):
+        open_address("can:udp_multicast:239.74.163.2", "device")
     adapter = PtyWire()
     slcan = open_address(f"can:slcan:{adapter.path}", "host", baud=1_000_000, bitrate=250_000)
     assert isinstance(slcan, SlcanWire)

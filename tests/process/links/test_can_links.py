@@ -5,7 +5,7 @@ from typing import ClassVar
 from hil.links.contract import Wire
 from hil.links.wires.can_frame import RECORD_SIZE
 from hil.links.wires.faults import FaultyWire
-from tests.support.links.can_pairs import mcast_pair, multicast_pair, slcan_pair, socket_pair, virtual_pair
+from tests.support.links.can_pairs import mcast_pair, python_can_pair, slcan_pair, socket_pair, virtual_pair
 from tests.support.links.link_contract import CanLinkContract, WireContract
 
 
@@ -42,8 +42,8 @@ class TestVescOnFaultlessCan(Vesc):
     host_sees_hangup = True
 
 
-class TestVescOnMulticastCan(Vesc):
-    open_wires = staticmethod(multicast_pair)
+class TestVescOnPythonCan(Vesc):
+    open_wires = staticmethod(python_can_pair)
     refuses_when_full = False
 
 

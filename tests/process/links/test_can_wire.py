@@ -2,7 +2,6 @@
 
 import random
 import select
-import socket
 import subprocess
 import sys
 import threading
@@ -18,9 +17,8 @@ from hil.links.wires.can_bus import SocketCanWire, open_socketcan
 from hil.links.wires.can_frame import ERROR, REMOTE, CanFrame, pack_frame, unpack_frames
 from hil.links.wires.python_can_bus import DAMAGED, PythonCanWire, _record_of_message
 from hil.links.wires.terminal import PtyWire
-from tests.support.links.can_pairs import GROUP, socket_pair, until, virtual_pair
+from tests.support.links.can_pairs import python_can_pair, socket_pair, until, virtual_pair
 from tests.support.links.link_contract import EVERY_BYTE, PATIENCE_S, nothing_leaks, read_bytes, records, wait_readable
-from tests.support.network.multicast import require_multicast
 
 STANDARD = CanFrame(0x7FF, b"\x01\x02\x03", extended=False)
 EXTENDED = CanFrame(0x1FFF_FFFF, bytes(range(8)))
@@ -87,35 +85,7 @@ class TestSocketCan:
         host.close()
 
 
-class TestPythonCan:
-    def test_frames_are_exchanged_with_python_can_on_a_virtual_bus(self) -> None:
-        wire = PythonCanWire("virtual", "shared")
-        with can.Bus("shared", "virtual", ignore_config=True) as other_bus:
-            for frame in (STANDARD, EXTENDED, EMPTY):
-                wire.write(pack_frame(frame))
-                assert frame_of(other_bus.recv(2.0)) == frame
-                other_bus.send(message(frame))
-                assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
-        wire.close()
-
-    def test_frames_other_than_classic_data_frames_are_ignored(self) -> None:
-        wire = PythonCanWire("virtual", "mixed")
-        with can.Bus("mixed", "virtual", ignore_config=True) as other_bus:
-            other_bus.send(can.Message(arbitration_id=1, is_remote_frame=True, dlc=2))
-            other_bus.send(can.Message(arbitration_id=2, is_error_frame=True))
-            other_bus.send(can.Message(arbitration_id=3, is_fd=True, data=bytes(32)))
-            other_bus.send(message(EXTENDED))
-            assert read_bytes(wire, 16) == pack_frame(EXTENDED)
-        wire.close()
-
-    def test_only_data_frames_are_sent(self) -> None:
-        device, host = virtual_pair()
-        marks = b"".join((5 | mark).to_bytes(4, sys.byteorder) + bytes(12) for mark in (REMOTE, ERROR))
-        assert host.write(marks + pack_frame(STANDARD)) == 48
-        assert read_bytes(device, 48, 0.1) == pack_frame(STANDARD)
-        device.close()
-        host.close()
-
+class TestVirtualCan:
     def test_frames_on_a_virtual_bus_can_be_read_at_once(self) -> None:
         """No thread has to wake up in between; the descriptor is readable exactly when there is a frame."""
         before = threading.active_count()
@@ -140,16 +110,50 @@ class TestPythonCan:
         with pytest.raises(DeviceError, match="is closed"):
             host.write(pack_frame(EXTENDED))
 
-    def test_a_bus_without_descriptor_is_read_by_a_thread(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("hil.links.wires.python_can_bus.WITH_DESCRIPTOR", ())
-        monkeypatch.setattr("hil.links.wires.python_can_bus._Reader.PERIOD_S", 2.0 * PATIENCE_S)
+    def test_an_unread_bus_loses_no_accepted_frame(self) -> None:
         device, host = virtual_pair()
+        assert receives_all_accepted_frames(device, host, frames=100_000)
+        device.close()
+        host.close()
+
+
+class TestPythonCan:
+    def test_frames_are_exchanged_with_python_can_on_a_virtual_bus(self) -> None:
+        wire = PythonCanWire("virtual", "shared")
+        with can.Bus("shared", "virtual", ignore_config=True) as other_bus:
+            for frame in (STANDARD, EXTENDED, EMPTY):
+                wire.write(pack_frame(frame))
+                assert frame_of(other_bus.recv(2.0)) == frame
+                other_bus.send(message(frame))
+                assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
+        wire.close()
+
+    def test_frames_other_than_classic_data_frames_are_ignored(self) -> None:
+        wire = PythonCanWire("virtual", "mixed")
+        with can.Bus("mixed", "virtual", ignore_config=True) as other_bus:
+            other_bus.send(can.Message(arbitration_id=1, is_remote_frame=True, dlc=2))
+            other_bus.send(can.Message(arbitration_id=2, is_error_frame=True))
+            other_bus.send(can.Message(arbitration_id=3, is_fd=True, data=bytes(32)))
+            other_bus.send(message(EXTENDED))
+            assert read_bytes(wire, 16) == pack_frame(EXTENDED)
+        wire.close()
+
+    def test_only_data_frames_are_sent(self) -> None:
+        device, host = python_can_pair()
+        marks = b"".join((5 | mark).to_bytes(4, sys.byteorder) + bytes(12) for mark in (REMOTE, ERROR))
+        assert host.write(marks + pack_frame(STANDARD)) == 48
+        assert read_bytes(device, 48, 0.1) == pack_frame(STANDARD)
+        device.close()
+        host.close()
+
+    def test_a_bus_without_descriptor_is_read_by_a_thread(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("hil.links.wires.python_can_bus._Reader.PERIOD_S", 2.0 * PATIENCE_S)
+        device, host = python_can_pair()
         for _ in range(21):
             host.write(pack_frame(EXTENDED))
             assert wait_readable(device), "woken by the frame: its thread would look by itself only after the patience"
             assert device.read() == pack_frame(EXTENDED)
         monkeypatch.undo()
-        monkeypatch.setattr("hil.links.wires.python_can_bus.WITH_DESCRIPTOR", ())
         for sender, receiver in ((host, device), (device, host)):  # so that both threads look at the period again
             sender.write(pack_frame(EXTENDED))
             assert read_bytes(receiver, 16) == pack_frame(EXTENDED)
@@ -159,8 +163,7 @@ class TestPythonCan:
 
     def test_all_frames_are_discarded_on_a_bus_without_descriptor(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Its thread has room for fewer frames than the bus."""
-        monkeypatch.setattr("hil.links.wires.python_can_bus.WITH_DESCRIPTOR", ())
-        device, host = virtual_pair()
+        device, host = python_can_pair()
         old, written = records(bytes(8 * 400), 0), 0
         until(lambda: device._reader._records.full() or not host.write(old[:16]))  # type: ignore[attr-defined]
         written += host.write(old)
@@ -172,29 +175,6 @@ class TestPythonCan:
         assert device.read() == b""
         device.close()
         host.close()
-
-    def test_an_unread_bus_loses_no_accepted_frame(self) -> None:
-        device, host = virtual_pair()
-        assert receives_all_accepted_frames(device, host, frames=1000)
-        device.close()
-        host.close()
-
-    def test_frames_are_exchanged_with_python_can_on_a_multicast_bus(self) -> None:
-        """Frames of other tests may come in between: the package receives every group of its port."""
-        require_multicast()
-        wire = PythonCanWire("udp_multicast", GROUP)
-        with can.Bus(GROUP, "udp_multicast", hop_limit=0, ignore_config=True) as other_bus:
-            wire.write(pack_frame(STANDARD))
-            until(lambda: frame_of(other_bus.recv(2.0)) == STANDARD)
-            other_bus.recv(0)
-            with socket.socket(type=socket.SOCK_DGRAM) as outsider:
-                outsider.sendto(b"no frame at all", (GROUP, 43113))
-            other_bus.send(message(STANDARD))  # the very frame that it has just sent itself
-            received = list(unpack_frames(read_bytes(wire, 16)))
-            while STANDARD not in received:
-                received += unpack_frames(read_bytes(wire, 16))
-            assert received.count(STANDARD) == 1
-        wire.close()
 
     @pytest.mark.parametrize("interface", ["serial", "robotell", "seeedstudio"])
     def test_noise_loses_no_later_frame(self, interface: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,18 +196,15 @@ class TestPythonCan:
         def fail(*_: object, **__: object) -> None:
             raise ValueError("a fault of the driver\n  and its traceback")
 
-        for threads in ((), ("virtual",)):
-            monkeypatch.setattr("hil.links.wires.python_can_bus.WITH_DESCRIPTOR", threads)
-            device, host = virtual_pair()
-            with monkeypatch.context() as change:
-                change.setattr("can.interfaces.virtual.VirtualBus._recv_internal", fail)
-                change.setattr("hil.links.wires.virtual_bus.VirtualBus.send", fail)
-                with pytest.raises(DeviceError, match=r"went away \(a fault of the driver\); reconnect it$"):
-                    _read_for_ever(device)
-                with pytest.raises(DeviceError, match=r"went away \(a fault of the driver\)"):
-                    host.write(pack_frame(STANDARD))
-            device.close()
-            host.close()
+        device, host = python_can_pair()
+        monkeypatch.setattr("can.interfaces.virtual.VirtualBus._recv_internal", fail)
+        monkeypatch.setattr("can.interfaces.virtual.VirtualBus.send", fail)
+        with pytest.raises(DeviceError, match=r"went away \(a fault of the driver\); reconnect it$"):
+            _read_for_ever(device)
+        with pytest.raises(DeviceError, match=r"went away \(a fault of the driver\)"):
+            host.write(pack_frame(STANDARD))
+        device.close()
+        host.close()
 
     def test_python_can_is_not_imported_before_it_is_used(self) -> None:
         modules = "hil.links.address, hil.links.wires.can_bus, hil.links.wires.python_can_bus"

@@ -76,6 +76,6 @@ def noise(count: int, sound: list[CanFrame], seed: int = 1) -> Iterable[bytes]:
 
 
 class VirtualCanContract(CanLinkContract):
-    """The contract on a bus of python-can within this process."""
+    """The contract on a bus within this process."""
 
     open_wires = staticmethod(virtual_pair)

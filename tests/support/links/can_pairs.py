@@ -12,11 +12,10 @@ from hil.links.wires.multicast_bus import MulticastCanWire
 from hil.links.wires.python_can_bus import PythonCanWire
 from hil.links.wires.terminal import UartWire
 from hil.links.wires.text_can_bus import SlcanWire
+from hil.links.wires.virtual_bus import VirtualCanWire
 from tests.support.links.link_contract import read_bytes
 from tests.support.links.slcan_adapter import SlcanBus
-from tests.support.network.multicast import require_multicast
 
-GROUP = "239.74.163.77"
 MCAST = 16 + os.getpid() % 240  # a bus of this process: others run the same tests meanwhile
 _names = (f"bus{number}" for number in itertools.count())
 
@@ -31,12 +30,16 @@ def socket_pair() -> tuple[Wire, Wire]:
 
 def virtual_pair() -> tuple[Wire, Wire]:
     name = next(_names)
-    return PythonCanWire("virtual", name), PythonCanWire("virtual", name)
+    return VirtualCanWire(name), VirtualCanWire(name)
 
 
-def multicast_pair() -> tuple[Wire, Wire]:
-    require_multicast()
-    return PythonCanWire("udp_multicast", GROUP), PythonCanWire("udp_multicast", GROUP)
+def python_can_pair() -> tuple[Wire, Wire]:
+    """Return two ends of python-can's virtual bus, each of which holds 256 frames."""
+    name = next(_names)
+    ends = PythonCanWire("virtual", name), PythonCanWire("virtual", name)
+    for end in ends:
+        end._bus.queue.maxsize = 256  # type: ignore[union-attr]
+    return ends
 
 
 def mcast_pair() -> tuple[Wire, Wire]:
