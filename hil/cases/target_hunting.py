@@ -5,21 +5,18 @@ In SIL all vehicles run in one process and in simulated time; in HIL there are f
 
 import os
 from collections.abc import Mapping, Sequence
-from math import degrees
 
 from hil.cases.case import Case
 from hil.cases.hunt import processes
 from hil.cases.hunt.simulated import SimulatedHunt
-from hil.cases.hunt.watch import HuntOutcome, HuntWatch
-from hil.cases.record import Mode, Result, Run, Track
-from hil.cases.single import radius_of
+from hil.cases.hunt.watch import HuntWatch
+from hil.cases.record import Mode, Run, Track
 from hil.client.delay import quantiles
 from hil.common.ports import free_ports
 from hil.common.tables import csv_text, save_text
 from hil.master.hunt import HuntPlanner
 from hil.scenario.config import Scenario, load_scenario
 from hil.scenario.variant import Table, write_variant
-from sim.vehicle.vehicle import load_vehicle
 
 
 class TargetHunting(Case):
@@ -33,40 +30,13 @@ class TargetHunting(Case):
         watch = HuntWatch(scenario, self.show)
         figures = (self._simulate if mode == "sil" else self._fly_processes)(scenario, folder, watch)
         write_rows(os.path.join(folder, "track.csv"), scenario, watch)
-        return Run(self._result(mode, seed, scenario, watch.outcome(), figures), tracks_of(scenario, watch), file)
+        return Run(watch.result(self.name, mode, figures), tracks_of(scenario, watch), file)
 
     def draw(self, runs: Sequence[Run], path: str) -> None:
         """Draw the paper's figure: paths, formation, target and ring, and the distances between vehicles over time."""
         from hil.cases.hunt.picture import draw_hunt
 
         draw_hunt(self.about["title"], runs, path)
-
-    def _result(
-        self, mode: Mode, seed: int, scenario: Scenario, outcome: HuntOutcome, figures: Mapping[str, float]
-    ) -> Result:
-        radius = radius_of(load_vehicle(scenario.vehicle)[0])
-        clearance = min(outcome.judgement.separation - radius, outcome.target_distance)
-        touched = any(event.kind == "collision" for _, event in outcome.events)
-        collided = touched or clearance <= radius
-        return Result(
-            case=self.name,
-            mode=mode,
-            seed=seed,
-            success=outcome.success and not collided,
-            reason=f"collision; {outcome.reason}" if collided and not touched else outcome.reason,
-            duration=outcome.duration,
-            path_length=outcome.travelled,
-            optimum=outcome.optimum,
-            ratio=outcome.travelled / outcome.optimum,
-            least_clearance=clearance,
-            collided=collided,
-            cross_track_rms=outcome.place_error_rms,
-            cross_track_max=outcome.place_error_max,
-            goal_error=outcome.end_error,
-            events=tuple([f"{node}: {event.describe()}" for node, event in outcome.events]),
-            extra=_extra(outcome, figures),
-            **{name: value for name, value in figures.items() if " " not in name},
-        )
 
     def _simulate(self, scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
         hunt = SimulatedHunt(scenario, watch)
@@ -113,21 +83,6 @@ def _messages(counts: Mapping[str, int]) -> dict[str, float]:
     """Return the numbers of modem messages by outcome (sent, delivered, lost for a reason), by heading."""
     outcomes = ("sent", "delivered", "collided", "deaf", "damaged", "too_weak") if counts else ()
     return {f"modem: {outcome.replace('_', ' ')}": counts.get(outcome, 0) for outcome in outcomes}
-
-
-def _extra(outcome: HuntOutcome, figures: Mapping[str, float]) -> dict[str, float]:
-    """Return the results that only this case has, by heading."""
-    judgement = outcome.judgement
-    return {
-        "least distance between two vehicles (m)": judgement.separation,
-        "least distance from the target (m)": outcome.target_distance,
-        "formation error (m)": judgement.formation_error,
-        "ring error (m)": judgement.ring_error,
-        "largest gap round the target (deg)": degrees(judgement.largest_gap),
-        "spacing error on the ring (share)": judgement.spacing_error,
-        "ring closed after (s)": outcome.closed,
-        **{name: value for name, value in figures.items() if " " in name},
-    }
 
 
 def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:

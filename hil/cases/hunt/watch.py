@@ -1,12 +1,15 @@
 """Record the true positions of a hunt, decide when it ends, and compute its result."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import permutations
-from math import cos, dist, inf, pi, sin, sqrt
+from math import cos, degrees, dist, inf, nan, pi, sin, sqrt
+from types import MappingProxyType
 from typing import NamedTuple
 
 from hil.autonomy.fleets.formation import Vector
 from hil.autonomy.fleets.hunting import Criteria, HuntPlan, Judgement, Referee
+from hil.cases.record import Mode, Result
+from hil.cases.single import radius_of
 from hil.common.clock import seconds_ns
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import hunt_plan, hunting_of
@@ -16,6 +19,7 @@ from sim.vehicle.vehicle import load_vehicle
 
 SETTLE_S = 5.0  # from the end of the last vehicle's plan to the end of the hunt
 RING_ANGLES = 180  # rotations of the ring that are tried for the shortest paths
+NO_FIGURES: Mapping[str, float] = MappingProxyType({"energy": nan})
 _ROUNDING_S = 1e-6  # rounding error of clocks in messages
 
 
@@ -27,32 +31,6 @@ class HuntRow(NamedTuple):
     clocks: tuple[float, ...]
 
 
-class HuntOutcome(NamedTuple):
-    """Result of a hunt; times in s, lengths in m.
-
-    - `closed`: when the last vehicle's plan ended, inf if it did not.
-    - `judgement`: result of the referee.
-    - `travelled`: by all vehicles together; `optimum`: the shortest possible, see `shortest_paths`.
-    - `target_distance`: least distance of a vehicle's centre from the target.
-    - `place_error_rms`, `place_error_max`: distances of vehicles from their places in the plan by their own clocks;
-      `end_error`: the greatest at the end.
-    - `events`: node and event (sim/run_events.py), with times from the start.
-    """
-
-    success: bool
-    reason: str
-    duration: float
-    closed: float
-    judgement: Judgement
-    travelled: float
-    optimum: float
-    target_distance: float
-    place_error_rms: float
-    place_error_max: float
-    end_error: float
-    events: tuple[tuple[str, RunEvent], ...] = ()
-
-
 class HuntWatch:
     """Recorder of the rows of a hunt, which decides when it is over; `show` is called with the progress as text.
 
@@ -61,13 +39,14 @@ class HuntWatch:
 
     def __init__(self, scenario: Scenario, show: Callable[[str], None] = lambda text: None) -> None:
         self._show = show
-        self.plan = hunt_plan(scenario)
+        self.plan, self._seed = hunt_plan(scenario), scenario.seed
         self.rows: list[HuntRow] = []
         self.reason = ""
         self._time_limit = scenario.master.time_limit
         self._depth, self._allow = scenario.master.depth, scenario.master.allow
         self._nodes = [member.node for member in scenario.member]
         vehicle, _ = load_vehicle(scenario.vehicle)
+        self._radius = radius_of(vehicle)
         limits = vehicle.capsize_tilt, 0.5 * vehicle.dimensions[2], scenario.master.depth_margin
         self._monitors = [RunMonitor(EventLog(), *limits) for _ in self._nodes]
         self._reported: list[Sequence[RunEvent]] = [() for _ in self._nodes]
@@ -110,27 +89,47 @@ class HuntWatch:
             [(node, event) for node, reported, own in both for event in merge_events(reported, own.log.events())]
         )
 
-    def outcome(self) -> HuntOutcome:
-        """Return the result so far."""
-        events = self._events()
+    @property
+    def judgement(self) -> Judgement:
+        """The referee's judgement of the end."""
+        return self._referee.judge(self.rows[-1].positions)
+
+    def result(self, case: str = "", mode: Mode = "sil", figures: Mapping[str, float] = NO_FIGURES) -> Result:
+        """Return the result so far, with further `figures` by field or, with blanks, by heading."""
+        events, judgement, closed = self._events(), self.judgement, self._closed < inf
         faults = list(dict.fromkeys([f"{node}: {e.name}" for node, e in events if e.kind not in self._allow]))
-        last, plan = self.rows[-1], self.plan
-        judgement = self._referee.judge(last.positions)
-        closed = self._closed < inf
         reason = f"failed by {', '.join(judgement.failures)}" if closed and judgement.failures else self.reason
-        return HuntOutcome(
-            success=closed and judgement.success and not faults,
-            reason=f"{reason}, but {', '.join(faults)}" if faults else reason,
-            duration=last.time,
-            closed=self._closed,
-            judgement=judgement,
-            travelled=self._travelled,
-            optimum=shortest_paths(plan),
-            target_distance=self._nearest,
-            place_error_rms=sqrt(self._place_error_squares / len(self.rows)),
-            place_error_max=self._place_error_max,
-            end_error=max(self._place_errors(last)),
-            events=events,
+        reason = f"{reason}, but {', '.join(faults)}" if faults else reason
+        clearance, optimum = min(judgement.separation - self._radius, self._nearest), shortest_paths(self.plan)
+        touched = any(event.kind == "collision" for _, event in events)
+        collided = touched or clearance <= self._radius
+        return Result(
+            case=case,
+            mode=mode,
+            seed=self._seed,
+            success=closed and judgement.success and not faults and not collided,
+            reason=f"collision; {reason}" if collided and not touched else reason,
+            duration=self.rows[-1].time,
+            path_length=self._travelled,
+            optimum=optimum,
+            ratio=self._travelled / optimum,
+            least_clearance=clearance,
+            collided=collided,
+            cross_track_rms=sqrt(self._place_error_squares / len(self.rows)),
+            cross_track_max=self._place_error_max,
+            goal_error=max(self._place_errors(self.rows[-1])),
+            events=tuple([f"{node}: {event.describe()}" for node, event in events]),
+            extra={
+                "least distance between two vehicles (m)": judgement.separation,
+                "least distance from the target (m)": self._nearest,
+                "formation error (m)": judgement.formation_error,
+                "ring error (m)": judgement.ring_error,
+                "largest gap round the target (deg)": degrees(judgement.largest_gap),
+                "spacing error on the ring (share)": judgement.spacing_error,
+                "ring closed after (s)": self._closed,
+                **{name: value for name, value in figures.items() if " " in name},
+            },
+            **{name: value for name, value in figures.items() if " " not in name},
         )
 
     def _place_errors(self, row: HuntRow) -> list[float]:

@@ -7,26 +7,27 @@ from typing import Any
 import pytest
 
 from hil.cases.hunt.simulated import SimulatedHunt
-from hil.cases.hunt.watch import HuntOutcome, HuntWatch
+from hil.cases.hunt.watch import HuntWatch
+from hil.cases.record import Result
 from hil.scenario.config import load_scenario
 from tests.support.processes import Program
 
 SCENARIO = "target_hunting_acoustic"
 
 
-def hunt(changes: dict[str, Any], seconds: float = 1e9) -> tuple[SimulatedHunt, HuntOutcome]:
+def hunt(changes: dict[str, Any], seconds: float = 1e9) -> tuple[SimulatedHunt, Result]:
     scenario = load_scenario(SCENARIO, changes)
     watch = HuntWatch(scenario)
     simulated = SimulatedHunt(scenario, watch)
     while not watch.reason and simulated.time < seconds:
         simulated.step()
-    return simulated, watch.outcome()
+    return simulated, watch.result()
 
 
 def test_acoustic_messages_in_tdma_slots_all_arrive_and_the_target_is_surrounded() -> None:
     simulated, outcome = hunt({"seed": 7})
     assert outcome.success, outcome
-    assert outcome.judgement.separation > 1.2
+    assert outcome.extra["least distance between two vehicles (m)"] > 1.2
     assert simulated.channel
     counts = simulated.channel.counts
     assert counts["sent"] == pytest.approx(4 * outcome.duration, abs=8)  # each once a second

@@ -26,9 +26,9 @@ def test_four_processes_hunt_over_the_acoustic_channel(tmp_path: Path, monkeypat
     scenario = load_scenario(write_variant(SCENARIO, str(tmp_path), changes))
     watch = HuntWatch(scenario)
     costs = processes.fly(scenario, str(tmp_path), watch)
-    outcome = watch.outcome()
+    outcome = watch.result()
     assert outcome.success, outcome
-    assert outcome.judgement.separation > 1.0
+    assert watch.judgement.separation > 1.0
     counts = costs.messages
     assert counts["sent"] >= 3 * outcome.duration
     assert counts["delivered"] >= 0.8 * 3 * (counts["sent"] - 4)

@@ -54,9 +54,9 @@ def test_four_slaves_and_four_planners_surround_the_target(
     monkeypatch.setattr(hunt_watch, "SETTLE_S", 1.0)
     watch = HuntWatch(scenario)
     costs = processes.fly(scenario, str(tmp_path), watch)
-    outcome = watch.outcome()
+    outcome = watch.result()
     assert outcome.success, outcome
-    assert outcome.judgement.separation > 1.0
+    assert watch.judgement.separation > 1.0
     assert outcome.duration < 2.0 * watch.plan.duration
     assert costs.energy > 50.0
     assert len(costs.delays_ns) > 4 * 0.5 * outcome.duration / scenario.master.command_period

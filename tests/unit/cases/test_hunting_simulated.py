@@ -34,13 +34,13 @@ def run(hunt: SimulatedHunt, seconds: float) -> None:
 def test_a_hunt_surrounds_the_target(name: str) -> None:
     simulated, watch = hunt(name, seed=11)
     simulated.run()
-    outcome = watch.outcome()
+    outcome = watch.result()
     assert outcome.success, outcome
     assert outcome.reason == "target surrounded"
-    assert outcome.judgement.separation > 1.0  # two vehicles touch at 0.48 m
-    assert outcome.judgement.largest_gap < math.radians(115.0)
-    assert outcome.target_distance > 1.0
-    assert 1.0 < outcome.travelled / outcome.optimum < 1.4
+    assert watch.judgement.separation > 1.0  # two vehicles touch at 0.48 m
+    assert watch.judgement.largest_gap < math.radians(115.0)
+    assert outcome.extra["least distance from the target (m)"] > 1.0
+    assert 1.0 < outcome.ratio < 1.4
     assert outcome.duration < 1.4 * watch.plan.duration
     assert simulated.energy > 500.0
     assert all(planner.malformed == 0 for planner in simulated.planners)
@@ -149,10 +149,10 @@ def test_a_vehicle_carried_away_fails_the_hunt() -> None:
     clocks = (plan.duration,) * 4
     for second in range(7):
         watch.add_row(HuntRow(plan.duration + second, stray, clocks))
-    outcome = watch.outcome()
+    outcome = watch.result()
     assert not outcome.success
     assert "ring" in outcome.reason
-    assert (outcome.end_error, outcome.judgement.ring_error) == pytest.approx((0.75, 0.75))
+    assert (outcome.goal_error, watch.judgement.ring_error) == pytest.approx((0.75, 0.75))
 
 
 def test_a_hunt_ends_at_the_time_limit() -> None:
@@ -160,9 +160,9 @@ def test_a_hunt_ends_at_the_time_limit() -> None:
     watch = HuntWatch(scenario)
     simulated = SimulatedHunt(scenario, watch)
     simulated.run()
-    outcome = watch.outcome()
+    outcome = watch.result()
     assert (outcome.success, outcome.reason) == (False, "time limit")
-    assert outcome.closed == math.inf
+    assert outcome.extra["ring closed after (s)"] == math.inf
 
 
 def test_the_shortest_assignment_has_the_distance_worked_out_by_hand() -> None:
