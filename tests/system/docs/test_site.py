@@ -45,13 +45,23 @@ def test_page_of_the_interface_names_the_fields_of_records(site: Path) -> None:
     assert "angle_increment: float" in page
 
 
-def test_search_works_in_pages_opened_as_files(site: Path) -> None:
-    """A real browser finds pages, and sends nothing to another host."""
+def test_first_hit_of_the_search_answers(site: Path) -> None:
+    """A real browser finds the page for each question, in a page opened as a file; no other host gets a request."""
+    answers = {
+        "connect jetson": "tutorials/zero_to_dive", "lawnmower": "tutorials/zero_to_dive",
+        "add a sensor": "tutorials/own_sensor", "own planner": "tutorials/own_planner",
+        "dead reckoning": "explanation/covariances", "command delay": "explanation/delay",
+        "fastdds": "how-to/ros2_bridge", "thruster fails": "how-to/disturbances", "encrypt": "how-to/certificates",
+        "several vehicles": "how-to/fleets", "survey chart": "how-to/charts", "dvl noise": "reference/sensor_keys",
+    }  # fmt: skip
     with open_page() as browser_page:
-        browser_page.page.goto((site / "tutorials" / "first_flight.html").as_uri())
-        browser_page.page.locator(".md-search__input").first.click(force=True)
-        browser_page.page.keyboard.type("deadman")
-        browser_page.page.locator(".md-search-result__item").first.wait_for(state="attached")
-        found = browser_page.page.locator(".md-search-result__item h1, .md-search-result__item h2").all_inner_texts()
-        assert "Diagnostics" in found
-        assert browser_page.hosts <= {""}, "no other host gets a request"
+        page, found = browser_page.page, {}
+        for question in answers:
+            page.goto((site / "tutorials" / "first_flight.html").as_uri())
+            page.locator(".md-search__input").first.fill(question, force=True)
+            page.keyboard.press("End")  # the search looks when a key goes up
+            first = page.locator(".md-search-result__link").first
+            first.wait_for(state="attached")
+            found[question] = str(first.evaluate("link => link.href.match(/[^/]+.[^/]+(?=.html)/)[0]"))
+        assert found == answers
+        assert browser_page.hosts <= {""}
