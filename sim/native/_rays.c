@@ -123,27 +123,14 @@ static void store_result(const Geometry *geometry, const double *origin, const d
     normal(geometry, hit, along, point, out);
 }
 
-/* The input of a cast: one origin for all rays, or `origins` with one for each. */
+/* The input of a cast. */
 typedef struct {
     double origin[3], rotation[9], reach;
-    const double *origins, *directions;
+    const double *directions;
     Py_ssize_t rays;
 } Request;
 
-static void cast_from_each(const Geometry *geometry, const Request *request, Near *near, const Results *to)
-{
-    for (Py_ssize_t ray = 0; ray < request->rays; ray++) {
-        const double *origin = request->origins + 3 * ray;
-        double along[1][3];
-        Hit hit;
-        find_near_solids(geometry, origin, request->reach, near);
-        rotate_to_world(request->rotation, request->directions + 3 * ray, along[0]);
-        trace(geometry, near, origin, (const double (*)[3])along, 1, request->reach, 0.0, &hit);
-        store_result(geometry, origin, along[0], &hit, ray, to);
-    }
-}
-
-static void cast_from_one(const Geometry *geometry, const Request *request, Near *near, const Results *to)
+static void cast_all(const Geometry *geometry, const Request *request, Near *near, const Results *to)
 {
     find_near_solids(geometry, request->origin, request->reach, near);
     for (Py_ssize_t first = 0; first < request->rays; first += BUNDLE) {
@@ -159,33 +146,19 @@ static void cast_from_one(const Geometry *geometry, const Request *request, Near
     }
 }
 
-enum { DIRECTIONS, DISTANCES, POINTS, NORMALS, OBJECTS, ORIGINS, VIEWS };
-
-/* Reads one origin for all rays, or gets a buffer with one for each; 0 with an exception set if it is neither. */
-static int get_origins(PyObject *object, double *origin, Py_buffer *views)
-{
-    Py_ssize_t wanted = views[DIRECTIONS].len;
-    if (wanted > 24 && PyObject_CheckBuffer(object)) {
-        if (PyObject_GetBuffer(object, &views[ORIGINS], PyBUF_SIMPLE) != 0)
-            return 0;
-        if (views[ORIGINS].len == wanted)
-            return 1;
-        PyBuffer_Release(&views[ORIGINS]);
-        views[ORIGINS].buf = NULL;
-    }
-    return read_numbers(object, origin, 3);
-}
+enum { DIRECTIONS, DISTANCES, POINTS, NORMALS, OBJECTS, VIEWS };
 
 /* Gets the buffers and casts; the caller releases the buffers. */
 static int cast_views(const Geometry *geometry, PyObject *const *arguments, int count, Py_buffer *views)
 {
-    static const Py_ssize_t sizes[ORIGINS] = {24, 8, 24, 24, 4}; /* bytes a ray */
+    static const Py_ssize_t sizes[VIEWS] = {24, 8, 24, 24, 4}; /* bytes a ray */
     Request request = {.reach = PyFloat_AsDouble(arguments[3])};
-    PyObject *const objects[ORIGINS] = {arguments[2], arguments[4], count > 5 ? arguments[5] : NULL,
+    PyObject *const objects[VIEWS] = {arguments[2], arguments[4], count > 5 ? arguments[5] : NULL,
                                       count > 5 ? arguments[6] : NULL, count > 5 ? arguments[7] : NULL};
-    if ((request.reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[1], request.rotation, 9))
+    if ((request.reach == -1.0 && PyErr_Occurred()) || !read_numbers(arguments[0], request.origin, 3)
+        || !read_numbers(arguments[1], request.rotation, 9))
         return 0;
-    for (int i = 0; i < ORIGINS && objects[i] != NULL; i++) {
+    for (int i = 0; i < VIEWS && objects[i] != NULL; i++) {
         if (PyObject_GetBuffer(objects[i], &views[i], i == DIRECTIONS ? PyBUF_SIMPLE : PyBUF_WRITABLE) != 0)
             return 0;
         if (views[i].len % sizes[i] != 0 || views[i].len / sizes[i] != views[DIRECTIONS].len / 24) {
@@ -193,17 +166,15 @@ static int cast_views(const Geometry *geometry, PyObject *const *arguments, int 
             return 0;
         }
     }
-    if (!get_origins(arguments[0], request.origin, views))
-        return 0;
     Near near;
     if (!allocate_near_solids(geometry, &near)) {
         PyErr_NoMemory();
         return 0;
     }
-    request.directions = views[DIRECTIONS].buf, request.origins = views[ORIGINS].buf;
+    request.directions = views[DIRECTIONS].buf;
     request.rays = views[DIRECTIONS].len / 24;
     const Results to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
-    (request.origins == NULL ? cast_from_one : cast_from_each)(geometry, &request, &near, &to);
+    cast_all(geometry, &request, &near, &to);
     free(near.numbers);
     return 1;
 }

@@ -26,13 +26,8 @@ class NearPipes:
         self.rows = _unused_rows(_MIN_ROWS)
 
     def update(self, origin: Sequence[float], reach: float) -> bool:
-        """Find the pieces within `reach` m of one or more origins (3 numbers each); return True if `rows` changed."""
+        """Find the pieces within `reach` m of `origin` (NED, m); return True if `rows` changed."""
         north, east = origin[0], origin[1]
-        if len(origin) > 3:
-            norths, easts = origin[0::3], origin[1::3]
-            (south, north), (west, east) = (min(norths), max(norths)), (min(easts), max(easts))
-            reach += 0.5 * hypot(north - south, east - west)
-            north, east = 0.5 * (south + north), 0.5 * (west + east)
         away = hypot(north - self._centre[0], east - self._centre[1])
         if away + reach <= self._within:
             return False

@@ -65,10 +65,9 @@ class RayScene:
     ) -> "array[float]":
         """Return the distance (m) along each ray from `origin` (NED, m); inf if there is no hit within `reach` m.
 
-        `origin` is one for all rays, or a buffer of doubles with one for each. `directions` are unit vectors, three
-        doubles a ray, as a buffer (array("d"), numpy); `rotation` (3 x 3, row after row) converts them to NED, the
-        identity if left out. A ray that starts inside a solid has distance 0. Raises ValueError for buffers of another
-        type, and for a wrong number of origins.
+        `directions` are unit vectors, three doubles a ray, as a buffer (array("d"), numpy); `rotation` (3 x 3, row
+        after row) converts them to NED, the identity if left out. A ray that starts inside a solid has distance 0.
+        Raises ValueError for buffers of another type.
         """
         rays = _doubles(directions)
         distances = array("d", (0.0,)) * (len(rays) // 3)
@@ -116,8 +115,6 @@ class RayScene:
         hits: Hits | None,
     ) -> None:
         geometry = self._present(origin, reach)
-        if len(origin) not in (3, len(rays)):
-            raise ValueError(f"origin: three numbers, or three for each of {len(rays) // 3} rays; found {len(origin)}")
         if self._caster is not None:
             self._caster.cast(origin, rotation, rays, reach, distances, *(hits[1:] if hits else ()))
             return
@@ -126,7 +123,7 @@ class RayScene:
         single.cast(geometry, origin, rotation, rays, reach, distances, hits)
 
     def _present(self, origin: Sequence[float], reach: float) -> Geometry:
-        """Return the geometry at the present positions, with the pipelines within `reach` m of one or more origins."""
+        """Return the geometry at the present positions, with the pipelines within `reach` m."""
         if self._pipes is not None and self._pipes.update(origin, reach):
             self._replace_pipes(self._pipes.rows)
         if self._geometry is None:

@@ -62,11 +62,10 @@ def cast(
     hits: Hits | None,
 ) -> None:
     """Fill `distances`, and `hits` if it is given, for all rays: see RayScene."""
-    each = len(origin) > 3  # an origin for each ray
+    x, y, z = origin
     for ray in range(len(distances)):
-        start = x, y, z = tuple(origin[3 * ray : 3 * ray + 3] if each else origin)
         along = rotate_to_world(rotation, *directions[3 * ray : 3 * ray + 3])
-        hit = trace(geometry, start, along, reach)
+        hit = trace(geometry, origin, along, reach)
         distances[ray] = hit.distance
         if hits is None:
             continue

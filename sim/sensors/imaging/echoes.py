@@ -11,9 +11,9 @@ Sound, chapters 2 and 8):
 The ranges of the patch's near and far edges follow from the plane through the hit. The echo is spread between them, so
 that neighbouring rays leave no gap on a plane, even at grazing incidence.
 
-Other parts of the model: second echoes in sim/sensors/imaging/multipath.py, the seabed's texture in bottom_echo.py,
-reverberation of the water in reverberation.py, the glint of smooth objects in pinger.py, split rays in
-sim/rays/splitting.py. Not modelled: refraction, Doppler shift.
+Other parts of the model: the seabed's texture in sim/sensors/imaging/bottom_echo.py, reverberation of the water in
+reverberation.py, the glint of smooth objects in pinger.py, split rays in sim/rays/splitting.py. Not modelled:
+refraction, Doppler shift, second echoes by reflection at the surface or the seabed.
 """
 
 from collections.abc import Callable
@@ -32,20 +32,6 @@ STRETCH = 2.0  # maximum range of a patch's far edge, relative to the range of i
 _MIN_LENGTH = 1e-3  # bins: minimum length of an echo
 _FIRST_LOBE = 13.26  # dB: level of the first side lobe of sinc² below the main lobe
 HALF_POWER = 0.4429464  # sinc² is 1/2 here, in units of its first null
-
-
-class SonarPose(NamedTuple):
-    """Position of a sonar (NED, m), its attitude, and the geometry of its beams.
-
-    `rotation` (3 x 3) turns the sonar's axes to NED. `lattice` has the cells of its rays, `height` is the height of its
-    beams (rad at half power), `reach` the length of its rays (m).
-    """
-
-    position: Floats
-    rotation: Floats
-    lattice: Lattice | None
-    height: float
-    reach: float
 
 
 class Ground(NamedTuple):
@@ -82,7 +68,7 @@ class Aperture(NamedTuple):
 
 
 class Echoes(NamedTuple):
-    """Echoes of a ping, one for each ray (n): first the aperture's rays by beam, then split rays, then second echoes.
+    """Echoes of a ping, one for each ray (n): first the aperture's rays by beam, then split rays.
 
     `ranges`, `near` and `far` (m) are those of the patch's middle and of its nearest and farthest edge, `energy` is
     echo / source, `beam` the number of the beam, `object` that of the object (see sim.rays.scene). `ground` has the

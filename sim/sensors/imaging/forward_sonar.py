@@ -35,10 +35,8 @@ class ForwardSonarModel(NamedTuple):
     silt. A strength of -200 means no echo. `glint` is the additional strength of objects at normal incidence, within
     about 6 deg (dB; 0: none). `looks`: see sim.sensors.imaging.echoes.add_speckle.
 
-    Disturbances: with `multipath` there are second echoes by reflection at the surface and the seabed, with losses of
-    `surface_loss` and `bottom_loss` (dB). `ringing` (m; 0: none) is the range up to which the ringing of the transducer
-    hides echoes: it is white in the first bin and decreases linearly in dB to the noise at this range. `error` is that
-    of all ranges.
+    Disturbances: `ringing` (m; 0: none) is the range up to which the ringing of the transducer hides echoes: it is
+    white in the first bin and decreases linearly in dB to the noise at this range. `error` is that of all ranges.
 
     Picture: the grey level is the amplitude to the power of `contrast`. White is the echo of seabed at normal
     incidence, less `gain` dB. `tvg` is the share of the losses by range that the device compensates (1: all). The gain
@@ -50,7 +48,7 @@ class ForwardSonarModel(NamedTuple):
     m, 40 Hz at most (sources in sim/sensors/devices/oculus_m750d.toml). The range is set to 50 m, with bins of 10 cm.
     The backscatter of the seabed is from Mackenzie 1961. The side lobes of the transmitted beam of a Reson SeaBat 7125
     were measured to be below -17 dB (Lanzoni & Weber 2010, OCEANS). The error of the scale is that of an error of 7 m/s
-    in the speed of sound. All other values are our choice: levels, looks, losses and the picture; objects 7 dB above
+    in the speed of sound. All other values are our choice: levels, looks and the picture; objects 7 dB above
     the seabed and the surface 3 dB below; the floor of the side lobes, which follows from errors of 1 dB and 10 deg in
     a line of 102 elements with beams of 1 deg. docs/how-to/imaging.md compares the pictures with those of real devices.
     """
@@ -78,9 +76,6 @@ class ForwardSonarModel(NamedTuple):
     looks: Annotated[float, Range(0.0, 1000.0)] = 1.0
     side_lobes: Annotated[float, Range(0.0, 100.0, "dB")] = 20.0
     side_lobe_floor: Annotated[float, Range(0.0, 100.0, "dB")] = 33.0
-    multipath: bool = False
-    surface_loss: Annotated[float, Range(0.0, 100.0, "dB")] = 3.0
-    bottom_loss: Annotated[float, Range(0.0, 100.0, "dB")] = 10.0
     ringing: Annotated[float, Range(0.0, 10.0, "m")] = 0.0
     error: ErrorModel = ErrorModel(scale=0.005)
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0

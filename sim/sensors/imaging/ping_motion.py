@@ -6,7 +6,7 @@ true one, and the echo arrives from the direction d - w x d t.
 
 A narrow receiving beam has turned away from the seabed that the pulse insonified: lines of a side scan fade while its
 vehicle turns. The beams of a forward sonar receive the echoes of neighbouring directions. Not modelled: motion of the
-objects, effects on second echoes.
+objects.
 """
 
 from collections.abc import Callable

@@ -27,10 +27,8 @@ from sim.sensors.imaging.echoes import (
     Floats,
     Ground,
     Rays,
-    SonarPose,
     beam_pattern,
 )
-from sim.sensors.imaging.multipath import second_echoes
 from sim.sensors.imaging.ping_motion import PingMotion, sonar_motion
 from sim.sensors.imaging.reverberation import volume_echoes
 from sim.sensors.mounting import Mounting
@@ -52,7 +50,6 @@ class Pinger:
         self._scene, self._mounting, self._aperture = scene, mounting, aperture
         self._reach, self._volume_strength = MARGIN * model.max_range, model.volume_strength
         self.absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
-        self._losses = (model.surface_loss, model.bottom_loss) if getattr(model, "multipath", False) else None
         self._rays = RayScene(scene.world)
         self.surface = surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
         self._object_strength = 10.0 ** (model.object_strength / 10.0)
@@ -99,11 +96,6 @@ class Pinger:
             echoes.energy[cells.parent] = 0.0
             groups.append(
                 self._echoes(self._cast(position, rotation, *self._split_rays(lattice, cells)), rotation, motion)[0]
-            )
-        if self._losses:
-            pose = SonarPose(np.asarray(position), rotation, lattice, self._aperture.height, self._reach)
-            groups += second_echoes(
-                self._losses, self._rays, pose, rays, self._strengths, self.surface, self.absorption
             )
         ground = Ground(position, rays.points, cos_incidence, self._aperture.weights.shape)
         ranges, near, far, energy, beam, objects = (
@@ -182,7 +174,7 @@ class Pinger:
         """Return the factor of each ray's echo over that of Lambert's rule, by its cosine of incidence.
 
         The facets of a smooth surface reflect sound specularly at normal incidence. Their slopes are normally
-        distributed. The seabed, the water's surface and second echoes have no glint.
+        distributed. The seabed and the water's surface have no glint.
         """
         smooth = (objects > SEABED) & (objects != self.surface)
         squares = np.maximum(cos_incidence * cos_incidence, 1e-4)  # of the cosine; tan² = 1 / cos² - 1

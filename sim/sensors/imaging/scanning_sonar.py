@@ -72,9 +72,6 @@ class ScanningSonarModel(NamedTuple):
     pulse_length: Annotated[float, Range(0.0, 0.1, "s")] | None = None
     looks: Annotated[float, Range(0.0, 1000.0)] = 1.0
     side_lobes: Annotated[float, Range(0.0, 100.0, "dB")] = 13.3
-    multipath: bool = False
-    surface_loss: Annotated[float, Range(0.0, 100.0, "dB")] = 3.0
-    bottom_loss: Annotated[float, Range(0.0, 100.0, "dB")] = 10.0
     ringing: Annotated[float, Range(0.0, 10.0, "m")] = 0.0
     tvg: Annotated[float, Range(0.0, 1.0)] = 1.0
     gain: Annotated[float, Range(-100.0, 100.0, "dB")] = 12.0
@@ -167,8 +164,7 @@ class EchoRecorder:
         aperture = _aperture(model)
         self._pingers = [Pinger(scene, mounting, aperture, model)]
         if model.side_lobes:
-            direct = model._replace(multipath=False)
-            self._pingers.append(Pinger(scene, mounting, _side_lobe_aperture(model), direct))
+            self._pingers.append(Pinger(scene, mounting, _side_lobe_aperture(model), model))
         self._bins = Bins(model.min_range, self._step, model.bins, self._pingers[0].absorption)
         seconds = model.pulse_length
         if seconds is None:

@@ -89,15 +89,14 @@ class Scenery:
         lamps: float,
         attenuation: Rgb,
         lamp_lights: Sequence[LampLight] | None = None,
-        daylight_factor: Pixels | None = None,
         veil: Rgb = (0.0, 0.0, 0.0),
     ) -> Pixels:
         """Return the radiance (n x 3) of each hit in daylight and in the light of lamps.
 
         `light` is the remaining daylight. `lamps` is the radiance of a white surface 1 m in front of the lamps, whose
         light `attenuation` (1/m) weakens on its path. `lamp_lights` is the light of each lamp, by default of one at the
-        camera. `daylight_factor` (n) is the focusing of daylight by waves, `veil` the radiance of the water that the
-        surface reflects. The colours are separate blocks of memory, which is faster.
+        camera. `veil` is the radiance of the water that the surface reflects. The colours are separate blocks of
+        memory, which is faster.
         """
         seabed, surface = surfaces.objects == SEABED, surfaces.objects == self.surface
         tone = np.where(surface, np.float32(1.0), _grain(surfaces))
@@ -114,8 +113,6 @@ class Scenery:
         daylight = tone * (np.float32(0.6) - np.float32(0.4) * surfaces.normals[2])
         sky = _sky_share(surfaces.cos_incidence[surface])
         daylight[surface] = sky
-        if daylight_factor is not None:
-            daylight *= daylight_factor
         if lamp_lights is None:
             lamp_lights = [LampLight(surfaces.ranges, surfaces.cos_incidence)]
         # Sand where the seabed is level, rock where it is steep; objects have their own colour.

@@ -1,7 +1,7 @@
 """Compute the light of all pixels in one pass in C (sim/native/_picture.c), if that is compiled.
 
 The result equals that of Scenery.radiance and sim.environment.optics.underwater within one or two of 256 levels. These
-are the specification, and are used without C. Lamps must be at the camera, and there must be no caustics.
+are the specification, and are used without C. Lamps must be at the camera.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""The effects of lamps, particles, waves and motion on a camera's picture. All are off by default."""
+"""The effects of lamps, particles and motion on a camera's picture. All are off by default."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from sim.rays.scene import RayScene
 from sim.sensors.imaging.camera.lamps import Lamps
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.motion import Motion, RawPicture
-from sim.sensors.imaging.camera.particles import Caustics, MarineSnow
+from sim.sensors.imaging.camera.particles import MarineSnow
 from sim.sensors.imaging.scenery import LampLight, SurfaceHits
 from sim.sensors.mounting import Mounting
 
@@ -21,7 +21,7 @@ class Effects:
     """The effects that a camera's keys enable.
 
     `focal` is the focal length in pixels, `toward` are the pixels' unit vectors (n x 3) in the sensor's axes, `seed` is
-    that of particles and waves.
+    that of particles.
     """
 
     def __init__(self, model: CameraModel, focal: float, toward: Floats, seed: int) -> None:
@@ -33,14 +33,13 @@ class Effects:
         has_lamps = m.lamps and m.lamp_offset
         self._lamps = Lamps(m.lamp_offset, m.lamps, m.lamp_shadows, m.backscatter, m.max_range) if has_lamps else None
         self._snow = MarineSnow(m.snow, size, focal, seed) if has_effects and m.snow else None
-        self._caustics = Caustics(m.caustics, seed) if has_effects and m.caustics else None
         moves = has_effects and (m.exposure_time or m.readout_time)
         self._motion = Motion(size, focal, toward, m.exposure_time, m.readout_time) if moves else None
 
     @property
     def changes_light(self) -> bool:
-        """True if there are lamps beside the camera or caustics, which sim.sensors.imaging.shading does not support."""
-        return bool(self._lamps or self._caustics)
+        """True if there are lamps beside the camera, which sim.sensors.imaging.shading does not support."""
+        return self._lamps is not None
 
     def lamp_lights(self, rays: RayScene, position: Any, axes: Any, surfaces: SurfaceHits) -> list[LampLight] | None:
         """Return the light of each lamp on the visible surfaces; None if the lamps are at the camera.
@@ -48,10 +47,6 @@ class Effects:
         `position` is that of the camera (NED, m), `axes` (3 x 3) turns its axes to NED.
         """
         return self._lamps.lamp_lights(rays, position, axes[:, 1], surfaces) if self._lamps else None
-
-    def daylight_factor(self, surfaces: SurfaceHits, time_ns: int) -> Floats | None:
-        """Return the factor (n) by which waves focus daylight on the visible surfaces; None without caustics."""
-        return self._caustics.daylight_factor(surfaces, time_ns) if self._caustics else None
 
     def add_water_effects(
         self, radiance: Floats, ranges: Any, position: Any, axes: Any, water: Water, lights: float = 1.0

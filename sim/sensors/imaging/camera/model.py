@@ -36,10 +36,8 @@ class CameraModel(NamedTuple):
     two of them, `lamp_offset` m to each side of it. Only in the latter case `lamp_shadows` are visible, at the cost of
     one more cast of rays for each lamp, and there is `backscatter` of the lamps' light by the water, as a factor on
     that of Petzold's particles. `snow` is the number of particles of marine snow per m³, which are fixed in the water.
-    `caustics` is the contrast of daylight that waves focus on the seabed, 1 at its best depth of about 1 m with the sun
-    overhead. `exposure_time` (s) causes motion blur. `readout_time` (s) is that of a rolling shutter from the first row
-    to the last. The time of the sample is the middle of both. Motion effects shift the pixels of one picture to first
-    order.
+    `exposure_time` (s) causes motion blur. `readout_time` (s) is that of a rolling shutter from the first row to the
+    last. The time of the sample is the middle of both. Motion effects shift the pixels of one picture to first order.
 
     All numbers are our choice, near those of small industrial cameras.
     """
@@ -59,7 +57,6 @@ class CameraModel(NamedTuple):
     lamp_shadows: bool = False
     backscatter: Annotated[float, Range(0.0, 100.0)] = 0.0
     snow: Annotated[float, Range(0.0, 5000.0, "1/m³")] = 0.0
-    caustics: Annotated[float, Range(0.0, 1.0)] = 0.0
     exposure_time: Annotated[float, Range(0.0, 1.0, "s")] = 0.0
     readout_time: Annotated[float, Range(0.0, 1.0, "s")] = 0.0
     exposure: Annotated[float, Range(0.0, 1e6)] = 0.0

@@ -1,14 +1,13 @@
-"""Marine snow before a camera, and caustics: sunlight that waves focus on the seabed."""
+"""Marine snow before a camera."""
 
 from itertools import product
-from math import ceil, tau
+from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.environment.optics import Water
-from sim.sensors.imaging.scenery import SurfaceHits
 
 Floats = NDArray[np.float32]
 
@@ -19,13 +18,6 @@ _ALBEDO = 0.5  # share of light that a particle reflects
 _MIN_SPREAD, _MAX_SPREAD = 0.6, 12.0  # pixels: least and greatest radius of a particle's image
 _FOCUS = 1.0  # m: distance of focus; particles at other distances are blurred
 _APERTURE = 0.004  # m
-
-_TILE, _SIDE = 256, 4.0  # nodes and m along a side of the pattern of caustics, which repeats
-_WAVES, _FOCAL_DEPTH = 40, 1.2  # number of waves; depth (m) at which they focus best
-_RMS_SLOPE = 0.12  # of a surface under a light breeze (Cox & Munk 1954: 0.06 to 0.2)
-_BEND = 0.25  # deflection of a ray relative to the slope of the surface: 1 - 1 / 1.33
-_DECAY_DEPTH = 7.0  # m of depth by which the contrast falls to 1/e
-_GRAVITY = 9.81
 
 
 class MarineSnow:
@@ -130,68 +122,3 @@ def _mix_bits(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
     values = (values ^ (values >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     mixed: NDArray[np.uint64] = values ^ (values >> np.uint64(31))
     return mixed
-
-
-class Caustics:
-    """Caustics: sunlight that waves on the surface focus on surfaces below; `contrast` is that at the best depth.
-
-    The slopes of a few dozen waves, periodic over 4 m, refract the rays of a sun overhead. The pattern is their density
-    on a plane 1.2 m below. It is used at all depths, weaker at greater depth.
-    """
-
-    def __init__(self, contrast: float, seed: int) -> None:
-        self._contrast = contrast
-        random = np.random.default_rng(seed)
-        numbers = random.integers(-12, 13, (_WAVES, 2))
-        numbers[~numbers.any(axis=1)] = (1, 2)
-        self._vectors = numbers * (tau / _SIDE)  # rad/m: whole numbers of waves along a side
-        lengths = np.linalg.norm(self._vectors, axis=1)
-        self._rates = np.sqrt(_GRAVITY * lengths)  # rad/s, of deep water
-        self._phases = random.uniform(0.0, tau, _WAVES)
-        # Waves of all lengths have the same slope.
-        self._slopes = self._vectors / lengths[:, None] * (_RMS_SLOPE * np.sqrt(2.0 / _WAVES))
-        self._time_ns, self._tile = -1, np.ones((_TILE, _TILE), np.float32)
-
-    def daylight_factor(self, surfaces: SurfaceHits, time_ns: int) -> Floats:
-        """Return the factor of daylight at each hit (n), 1 on average; surfaces that do not face up have 1."""
-        if time_ns != self._time_ns:
-            self._time_ns, self._tile = time_ns, self._pattern(time_ns * 1e-9)
-        north, east, down = surfaces.points
-        scale = np.float32(_TILE / _SIDE)
-        rows = (north * scale).astype(np.int64) & (_TILE - 1)
-        columns = (east * scale).astype(np.int64) & (_TILE - 1)
-        depth = np.maximum(down, np.float32(0.0))
-        strength = np.minimum(depth / np.float32(_FOCAL_DEPTH), np.float32(1.0))
-        strength *= np.exp((depth - np.float32(_FOCAL_DEPTH)).clip(0.0) * np.float32(-1.0 / _DECAY_DEPTH))
-        strength *= np.float32(self._contrast) * np.clip(-surfaces.normals[2], 0.0, 1.0)
-        daylight_factor: Floats = np.float32(1.0) + strength * (self._tile[rows, columns] - np.float32(1.0))
-        return daylight_factor
-
-    def _pattern(self, time: float) -> Floats:
-        """Return the light at each node of the tile at `time` (s), 1 on average."""
-        axis = (np.arange(_TILE) + 0.5) * (_SIDE / _TILE)
-        phases = self._phases - self._rates * time
-        # Each wave is the product of two exponentials, one along each axis.
-        along = np.exp(1j * (axis[:, None] * self._vectors[None, :, 0] + phases[None, :]))
-        across = np.exp(1j * axis[:, None] * self._vectors[None, :, 1])
-        slopes = [((along * self._slopes[None, :, i]) @ across.T).real for i in range(2)]
-        displacement = _BEND * _FOCAL_DEPTH * _TILE / _SIDE
-        node = np.arange(_TILE)
-        rows = (node[:, None] + displacement * slopes[0]).ravel()
-        columns = (node[None, :] + displacement * slopes[1]).ravel()
-        whole_rows, whole_columns = np.floor(rows).astype(np.int64), np.floor(columns).astype(np.int64)
-        a, b = rows - whole_rows, columns - whole_columns
-        tile = np.zeros(_TILE * _TILE)
-        for i, j in product((0, 1), repeat=2):
-            share = (a if i else 1.0 - a) * (b if j else 1.0 - b)
-            nodes = ((whole_rows + i) & (_TILE - 1)) * _TILE + ((whole_columns + j) & (_TILE - 1))
-            tile += np.bincount(nodes, share, _TILE * _TILE)
-        pattern: Floats = _smooth(tile.reshape(_TILE, _TILE)).astype(np.float32)
-        return pattern
-
-
-def _smooth(tile: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the smoothed pattern without the noise of single rays; the sun's disc is half a degree wide."""
-    for axis in (0, 1):
-        tile = 0.25 * np.roll(tile, 1, axis) + 0.5 * tile + 0.25 * np.roll(tile, -1, axis)
-    return tile

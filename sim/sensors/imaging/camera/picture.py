@@ -66,12 +66,12 @@ class PictureRenderer:
             return np.zeros((count, 3), np.float32), np.full(count, np.inf), np.full(count, NOTHING, np.int32)
         rotation = matrix(mounting.attitude(state))
         water, effects, axes = self._water_at(position[2]), self._effects, np.array(rotation).reshape(3, 3)
-        radiance, ranges, objects = self._trace(time_ns, position, rotation, axes, water, lights)
+        radiance, ranges, objects = self._trace(position, rotation, axes, water, lights)
         radiance = effects.add_water_effects(radiance, ranges, position, axes, water, lights)
         return effects.apply_motion(RawPicture(radiance, ranges, objects), mounting, state.nu)
 
     def _trace(
-        self, time_ns: int, position: Any, rotation: Any, axes: Any, water: Water, lights: float
+        self, position: Any, rotation: Any, axes: Any, water: Water, lights: float
     ) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
         """Return the same as `render`, without backscatter, particles and motion."""
         m, shading = self._model, self._shading
@@ -80,20 +80,17 @@ class PictureRenderer:
             return shading.cast(geometry, position, rotation, self._directions, lamps, water)
         hits = self._rays.hits(position, self._directions, m.max_range, rotation)
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
-        return self._compute_light(hits, time_ns, position, axes, water, lamps), ranges, objects
+        return self._compute_light(hits, position, axes, water, lamps), ranges, objects
 
-    def _compute_light(
-        self, hits: Hits, time_ns: int, position: Any, axes: Any, water: Water, lamps: float
-    ) -> NDArray[np.float32]:
-        """Return the radiance at the lens (n x 3) of `hits`, with lamps beside the camera and caustics."""
+    def _compute_light(self, hits: Hits, position: Any, axes: Any, water: Water, lamps: float) -> NDArray[np.float32]:
+        """Return the radiance at the lens (n x 3) of `hits`, with lamps beside the camera."""
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         points, normals = (_rows(np.asarray(vectors), objects) for vectors in (hits.points, hits.normals))
         cos_incidence = -np.einsum("ir,ri->r", axes.astype(np.float32).T @ normals, self._toward)
         distances = ranges.astype(np.float32)
         surfaces = SurfaceHits(points, normals, objects, distances, cos_incidence, distances * np.float32(self._pixel))
-        effects = self._effects
-        lights = effects.lamp_lights(self._rays, position, axes, surfaces), effects.daylight_factor(surfaces, time_ns)
-        radiance = self._scenery.radiance(surfaces, water.light, lamps, water.attenuation, *lights, water.veil)
+        lights = self._effects.lamp_lights(self._rays, position, axes, surfaces)
+        radiance = self._scenery.radiance(surfaces, water.light, lamps, water.attenuation, lights, water.veil)
         return underwater(radiance, ranges, water)
 
     def points(self, depth: bytes) -> bytes:

@@ -18,8 +18,8 @@ class Camera:
     """A camera along the sensor's x axis. Starboard is to the right of the picture, down is below.
 
     One ray through the middle of each pixel finds the visible surface. sim.sensors.imaging.scenery computes its colour,
-    sim.environment.optics the effect of the water, sim.sensors.imaging.camera.effects that of lamps, particles, waves
-    and motion. Daylight decreases with depth. The water's surface is flat. Not modelled: focus, pixels at edges that
+    sim.environment.optics the effect of the water, sim.sensors.imaging.camera.effects that of lamps, particles and
+    motion. Daylight decreases with depth. The water's surface is flat. Not modelled: focus, pixels at edges that
     see two objects. Depth is measured wherever a ray hits, also in turbid water, where a stereo camera measures none.
     """
 

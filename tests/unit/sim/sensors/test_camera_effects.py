@@ -19,10 +19,9 @@ from sim.rotations import integrate as turn
 from sim.sensors.imaging.camera.image_sensor import ImageSensor, normal_noise
 from sim.sensors.imaging.camera.lamps import _BACKWARD_SHARE, Lamps
 from sim.sensors.imaging.camera.model import CameraModel
-from sim.sensors.imaging.camera.particles import Caustics, MarineSnow
+from sim.sensors.imaging.camera.particles import MarineSnow
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample
-from sim.sensors.imaging.scenery import SurfaceHits
 from sim.sensors.mounting import Mounting
 from sim.twins import load_picture
 from tests.support.fitted import EXTENT, scene
@@ -116,39 +115,6 @@ def test_marine_snow_behind_objects_is_hidden() -> None:
     assert 0.0 < near < 0.8 * far
 
 
-def test_caustics_preserve_the_mean_light_and_fade_with_depth() -> None:
-    caustics = Caustics(1.0, 7)
-    size = 200
-    north, east = np.meshgrid(np.linspace(0.0, 4.0, size, endpoint=False), np.linspace(0.0, 4.0, size, endpoint=False))
-    contrast = {}
-    for depth in (0.1, 1.2, 5.0, 20.0):
-        points = np.stack([north.ravel(), east.ravel(), np.full(size * size, depth)]).astype(np.float32)
-        up = np.zeros_like(points)
-        up[2] = -1.0
-        ranges = np.ones(size * size, np.float32)
-        surfaces = SurfaceHits(points, up, np.zeros(size * size, np.int32), ranges, ranges, ranges)
-        daylight_factor = caustics.daylight_factor(surfaces, 0)
-        assert daylight_factor.mean() == pytest.approx(1.0, abs=0.02)
-        assert daylight_factor.min() >= 0.0
-        contrast[depth] = float(daylight_factor.std())
-    assert contrast[1.2] > 0.4
-    assert contrast[0.1] < 0.2 * contrast[1.2]
-    assert contrast[1.2] > contrast[5.0] > contrast[20.0]
-    assert contrast[20.0] < 0.1 * contrast[1.2]
-    later = caustics.daylight_factor(surfaces, 200_000_000)
-    assert not np.array_equal(later, caustics.daylight_factor(surfaces, 0)), "they move"
-
-
-def test_caustics_appear_on_a_shallow_seabed() -> None:
-    above = State((0.0, 0.0, 1.5))
-    plain, bright = (colours(take_picture(SHALLOW, above, DOWN, water="IB", caustics=c)) for c in (0.0, 1.0))
-    assert np.abs(bright - plain).mean() > 8.0
-    assert bright.mean() == pytest.approx(plain.mean(), rel=0.1)
-    assert (
-        colours(take_picture(SHALLOW, above, DOWN, water="IB", caustics=1.0, time_ns=10**8)).tolist() != bright.tolist()
-    )
-
-
 def moving(nu: tuple[float, ...]) -> State:
     state = State((0.0, 0.0, 1.5))
     state.nu = list(nu)
@@ -203,7 +169,6 @@ def test_bottom_ripples_are_visible_across_their_heading(monkeypatch: pytest.Mon
 def test_ground_truth_pictures_have_no_effects() -> None:
     settings: dict[str, Any] = {
         "snow": 500.0,
-        "caustics": 1.0,
         "exposure_time": 0.1,
         "readout_time": 0.1,
         "backscatter": 1.0,

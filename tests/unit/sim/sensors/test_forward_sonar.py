@@ -14,7 +14,6 @@ from sim.environment.relief import Step
 from sim.environment.seawater.absorption import francois_garrison
 from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
-from sim.rays import solids
 from sim.rotations import from_euler
 from sim.sensors.error import ErrorModel
 from sim.sensors.imaging.echoes import beam_pattern, first_null
@@ -176,34 +175,6 @@ def test_side_lobes_show_a_pile_in_all_beams() -> None:
         rel=0.3,
     )
     assert image(forward(world).sample(0, AHEAD))[:, 0].max() == 0.0
-
-
-# --- multipath
-
-
-def test_the_surface_reflects_a_pile_at_the_range_of_the_reflected_path() -> None:
-    """A path by the surface is (d + sqrt(d² + 4 h z)) / 2 for an object at the sonar's depth h = z; both paths may be
-    reflected.
-    """
-    model = TRUE._replace(beams=31, sector=radians(31.0), beam_height=radians(60.0), rays=256, multipath=True)
-    deep = State((0.0, 0.0, 4.0))
-
-    def picture(model: ForwardSonarModel) -> Any:
-        sonar = forward(DEEP, model)
-        sonar.add(solids.sphere((0.0, 0.0, 0.0), 0.6), State((15.6, 0.0, 4.0)))
-        return image(sonar.sample(0, deep))[:, 15]
-
-    direct, ghosts = picture(model._replace(multipath=False)), picture(model)
-    path_length = (15.6**2 + 8.0**2) ** 0.5 - 0.6
-    extra = ghosts - direct
-    assert not extra[:150].any()
-    found = np.flatnonzero(extra > 0.01 * extra.max()) * 0.1
-    for way in (0.5 * (15.0 + path_length), path_length):
-        assert np.abs(found - way).min() < 0.25
-    assert ghosts.argmax() == direct.argmax()
-    lossy = picture(model._replace(surface_loss=23.0)) - direct
-    middle = slice(152, 160)
-    assert lossy[middle].sum() == pytest.approx(0.01 * extra[middle].sum(), rel=0.01)
 
 
 # --- the seabed below its grid

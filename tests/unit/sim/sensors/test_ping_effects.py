@@ -109,23 +109,6 @@ def test_side_lobes_of_a_scanning_sonar_act_on_both_paths() -> None:
     assert echoes.sum(axis=1).max() == pytest.approx(received.max(), rel=0.02)
 
 
-def test_the_surface_reflects_echoes_of_a_scanning_sonar() -> None:
-    """The path by the surface to a ball at the sonar's 1.5 m, 10 m ahead, is sqrt(10² + 3²) m; with one way direct it
-    is between.
-    """
-    model = HEAD._replace(
-        angle_min=-0.01, angle_max=0.01, step=0.01, multipath=True, beam_height=radians(50.0), rays=400
-    )
-    sonar, direct = (make_sensor(ScanningSonar, m) for m in (model, model._replace(multipath=False)))
-    for each in (sonar, direct):
-        each.add(solids.sphere((0.0, 0.0, 0.0), 0.3), State((10.0, 0.0, 1.5)))
-    more = image(sonar.sample(0, at_depth(1.5)).echoes) - image(direct.sample(0, at_depth(1.5)).echoes)
-    ghost_ranges = np.flatnonzero(more[:, 0] > 1e-3 * more.max()) * 0.05
-    bent = sqrt(10.0**2 + 3.0**2)
-    assert ghost_ranges.min() == pytest.approx(0.5 * (bent + 10.0) - 0.3, abs=0.15)
-    assert bent - 0.3 < ghost_ranges.max() < bent + 0.3
-
-
 def test_scanning_sonar_intensities_need_a_beam_width() -> None:
     assert HEAD.validate() is None
     assert "beam_width" in str(HEAD._replace(beam_width=0.0).validate())
