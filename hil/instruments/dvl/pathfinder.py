@@ -1,6 +1,6 @@
 """A Teledyne RDI Pathfinder 600 kHz: commands at a prompt, and ensembles in the format PD0.
 
-Source: Teledyne RD Instruments, Pathfinder DVL Guide (April 2018). PD0 gives the velocity of the bottom past a DVL at
+PD0 gives the velocity of the bottom past a DVL at
 rest: in ship's coordinates a vehicle's way to starboard, ahead and up is negative.
 """
 
@@ -17,6 +17,7 @@ from hil.common.clock import NS_PER_S
 from hil.common.schema import Range
 from hil.common.vectors import Quaternion
 from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.layout import read_device
 from sim.rotations import rotate, to_euler
 from sim.sensors.samples import DvlSample
 
@@ -25,14 +26,7 @@ _BEAM_ANGLE = 30  # degrees
 _BEAM, _EARTH = 0, 3  # coordinates, by the first two digits of EX; 1 and 2 are those of the instrument and the ship
 _BANNER = b"\r\nPathfinder\r\nTeledyne RD Instruments (c) 2017\r\nAll rights reserved.\r\nFirmware Version: 67.01\r\n>"
 _COMMAND = re.compile(r"#?([A-Z]{2}) ?([-+0-9:.?]*)$")
-# Commands with their factory values. All are kept; BX, CB, EC, EX and CF also have an effect.
-_FACTORY = {
-    "BK": "0", "BP": "1", "BX": "02000", "CB": "811", "CF": "11110", "CT": "0", "EA": "+00000", "EC": "1500",
-    "ED": "00000", "ES": "35", "EX": "11111", "EZ": "11110010", "PD": "0", "TE": "00:00:00.00", "TP": "00:00.00",
-    "WP": "0",
-}  # fmt: skip
 _SPEEDS = (300, 1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200)  # bit/s, by the first digit of CB
-_LIMITS = {"BX": (10, 9999), "EC": (1400, 1600), "ES": (0, 40)}
 _ACTIONS = ("CK", "CR", "CS", "PA", "PS")
 _LONGEST = 80
 
@@ -60,7 +54,8 @@ class Pathfinder(Instrument):
         super().__init__(settings, facts, scene, send)
         kept: dict[str, str] = facts.memory.setdefault("values", {})
         speed = {"CB": f"{_SPEEDS.index(facts.baud)}11"} if facts.baud in _SPEEDS else {}
-        self._values = _FACTORY | speed | {"CT": str(int(settings.turnkey))} | kept
+        self._device: dict[str, Any] = read_device("pathfinder")
+        self._values = self._device["factory"] | speed | {"CT": str(int(settings.turnkey))} | kept
         self._is_pinging = self._values["CT"] == "1"
         self._buffers: dict[Client, str] = {}
         self._ensembles = 0
@@ -99,7 +94,7 @@ class Pathfinder(Instrument):
         elif name in self._values and self._is_valid(name, value):
             self._values[name] = value
         elif name == "CR":
-            self._values = dict(_FACTORY if value == "1" else self.facts.memory["values"] or _FACTORY)
+            self._values = dict((value != "1" and self.facts.memory["values"]) or self._device["factory"])
         elif name == "CK":
             self.facts.memory["values"] = dict(self._values)
         elif name not in _ACTIONS:
@@ -113,17 +108,10 @@ class Pathfinder(Instrument):
     def _apply_speed(self) -> None:
         self.set_baud(_SPEEDS[int(self._values["CB"][0])])
 
-    @staticmethod
-    def _is_valid(name: str, value: str) -> bool:
-        if name in ("EX", "CF"):
-            return len(value) == 5 and set(value) <= {"0", "1"}
-        if name == "CB":  # speed, no parity, one stop bit
-            return len(value) == 3 and value[0] in "012345678" and value[1:] == "11"
-        if name in ("PD", "WP"):
-            return value in ("0", "00")
-        lowest, highest = _LIMITS.get(name, (0, 0))
-        is_within = not highest or (value.isdecimal() and lowest <= int(value) <= highest)
-        return bool(value) and "?" not in value and is_within
+    def _is_valid(self, name: str, value: str) -> bool:
+        lowest, highest = self._device["limits"].get(name, (0, 0))
+        is_formed = re.fullmatch(self._device["patterns"].get(name, "[^?]+"), value)
+        return bool(is_formed) and (not highest or lowest <= int(value) <= highest)
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Send an ensemble while it pings and its output is on."""
