@@ -17,11 +17,11 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS
-from sim.dynamics import State
+from hil.instruments import world
 from sim.environment.seawater.pressure import pressure_at
 from sim.sensors.mounting import Mounting
-from sim.sensors.samples import Sample, Sensor
 
+Scene = world.Scene
 WireKind = Literal["tcp", "udp", "udpout", "serial", "pty", "http"]
 
 
@@ -58,30 +58,6 @@ class Facts(NamedTuple):
     seed: int = 1
     memory: dict[str, Any] = {}  # noqa: RUF012  # the process gives each instrument its own
     pressure: Callable[[float], float] = pressure_at
-
-
-class Scene(Protocol):
-    """The world around the vehicle, for instruments that measure when their client asks, with the client's settings.
-
-    The state is the slave's true one, extrapolated to the time that is asked for. The world is loaded when the first
-    sensor is built, so an instrument that only passes samples on costs no such memory.
-    """
-
-    def build(self, model: Any = None, mounting: Mounting | None = None, sensor: type[Sensor] | None = None) -> Sensor:
-        """Return the instrument's sensor with another record of keys, and mounted otherwise. May take a while.
-
-        It may also be of another class, `sensor`, with a `model` of that. Keep what it returns: errors and the head of
-        a scanning sonar go on from one measurement to the next.
-        """
-
-    def state(self, now_ns: int) -> State | None:
-        """Return the vehicle's true state at a monotonic time; None while none has come, or it is too old."""
-
-    def measure(self, sensor: Sensor, now_ns: int) -> Sample | None:
-        """Return a sensor's measurement at a monotonic time; None without a state, or if the sensor gives none.
-
-        The time of the sample is monotonic (ns).
-        """
 
 
 class Response(NamedTuple):

@@ -13,7 +13,7 @@ from hil.common.stop import Wakeup
 from hil.instruments.contract import Facts, Instrument, Response
 from hil.instruments.station import Station
 from hil.instruments.table import load_instrument
-from hil.instruments.world import LiveScene, LiveWorld
+from hil.instruments.world import LiveWorld, Scene
 from hil.network.session import Session
 from hil.scenario.config import Scenario
 from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
@@ -61,7 +61,7 @@ class Instruments:
                     name, spec.topic, spec.model, (*speeds, kind.baud)[0], *places, _sound_speed(world), scenario.seed,
                     {}, water_pressure(world),
                 )  # fmt: skip
-                scene = LiveScene(self._world, spec, scenario.seed)
+                scene = Scene(self._world, spec, scenario.seed)
                 station = Station(spec.instrument, kind, facts, scene, began_ns, report, self._answer, sent)
                 stack.callback(station.close)
                 self.stations.append(station)

@@ -6,7 +6,7 @@ With the locator A1 the depth comes from the client, and there is no position wi
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import atan2, cos, degrees, dist, hypot, log10, radians, sin, sqrt
 from typing import Annotated, Any, NamedTuple
 
@@ -117,27 +117,45 @@ class Ugps(Instrument):
             return self._create_poi(rule, body)
         if rule and way not in _OF_MANY:
             return self._one_record(rule, method, "POST" if way.startswith("/imu") else "PUT", body, now_ns)
-        answers: dict[str, Callable[[], Response]] = {
-            "GET /about": self._about,
-            "GET /about/status": self._status,
-            "GET /about/temperature": self._temperature,
-            "GET /about/led": Response,
-            "POST /about/factoryreset": self._reset,
-            "GET /position/acoustic/raw": lambda: self._acoustic(self._locate(now_ns), now_ns),
-            "GET /position/acoustic/filtered": lambda: self._acoustic(self._filtered(), now_ns),
-            "GET /position/global": self._global,
-            "GET /position/master": lambda: _answer(self._master(), "wl.satellite.position"),
-            "GET /imu/calibrate": lambda: _answer(
-                {"roll": 0, "pitch": 0, "yaw": self._heading(), "state": 0, "progress": 100}, "imu"
-            ),
-            "POST /imu/calibrate": Response,
-            "POST /imu/resetgyros": Response,
-            "GET /config/receivers": lambda: _answer(self._stored["receivers"], f"receiver{_MANY}"),
-            "GET /poi": lambda: _answer(list(self._stored["poi"].values()), f"poi{_MANY}"),
-            "GET /warnings": lambda: _answer(self._warnings(now_ns), f"wl.warning{_MANY}"),
-            "GET /status_report": lambda: self._report(now_ns),
+        if f"{method} {way}" in ("GET /about/led", "POST /imu/calibrate", "POST /imu/resetgyros"):
+            return Response()
+        if (method, way) == ("POST", "/about/factoryreset"):
+            return self._reset()
+        answer = self._answers(now_ns).get(way) if method == "GET" else None
+        return _answer(*answer) if answer else _NOT_FOUND
+
+    def _answers(self, now_ns: int) -> dict[str, tuple[Any, ...]]:
+        """Return what it tells of itself and of the locator: value, type of content, and status without a value."""
+        settings, stored, version = self.settings, self._stored, self.settings.version
+        has_battery = stored["generic"]["locator_type"] in ("u1", "s2")
+        water = self._given["depth"][1]["temp"] if "depth" in self._given else settings.water_temperature
+        warnings = self._warnings(now_ns)
+        ids = [warning["id"] for warning in warnings]
+        about = {
+            "version": f"{version} (simulated)", "version_short": version, "chipid": f"0x{self.facts.seed:08x}",
+            "product_name": "Underwater GPS", "product_id": 1, "hardware_revision": 1, "variant": "standard",
+        }  # fmt: skip
+        status = {"imu": 2, "gps": 2 if self.facts.origin else 0, "battery": settings.battery if has_battery else -1}
+        compass = {"roll": 0, "pitch": 0, "yaw": self._heading(), "state": 0, "progress": 100}
+        group = {
+            "status_group": "Position", "status_group_id": "position", "status": "warning" if ids else "ok",
+            "message": ", ".join(ids), "error_ids": ids,
+        }  # fmt: skip
+        acoustic = "accoustic.position"  # as the device spells it
+        return {
+            "/about": (about, "about"),
+            "/about/status": (status, "status"),
+            "/about/temperature": ({"board": settings.board_temperature, "water": water}, "temperature"),
+            "/position/acoustic/raw": (self._acoustic(self._locate(now_ns), now_ns), acoustic, 404),
+            "/position/acoustic/filtered": (self._acoustic(self._filtered(), now_ns), acoustic, 404),
+            "/position/global": (self._global(), "wl.satellite.position", 503),
+            "/position/master": (self._master(), "wl.satellite.position", 503),
+            "/imu/calibrate": (compass, "imu"),
+            "/config/receivers": (stored["receivers"], f"receiver{_MANY}"),
+            "/poi": (list(stored["poi"].values()), f"poi{_MANY}"),
+            "/warnings": (warnings, f"wl.warning{_MANY}"),
+            "/status_report": ([group], f"wl.status.group{_MANY}"),
         }
-        return answers.get(f"{method} {way}", lambda: _NOT_FOUND)()
 
     # --- records
 
@@ -146,12 +164,12 @@ class Ugps(Instrument):
         name = rule["name"]
         if method == "GET" and "kind" in rule:
             record = self._stored.get(name) or self._given.get(name, (0, None))[1]
-            return _answer(record, rule["kind"], missing=204)
+            return _answer(record, rule["kind"], 204)
         if method != wanted:
             return _NOT_FOUND
         record = _read(body, rule)
         if isinstance(record, str):
-            return _answer({"success": False, "error": record}, "operation_response", 400)
+            return _answer({"success": False, "error": record}, "operation_response")._replace(status=400)
         if name in self._stored:
             self._stored[name].update(record)
         else:
@@ -187,25 +205,6 @@ class Ugps(Instrument):
             return Response(b"", 404)
         return Response(b"", 204)
 
-    # --- what it tells of itself
-
-    def _about(self) -> Response:
-        version = self.settings.version
-        about = {
-            "version": f"{version} (simulated)", "version_short": version, "chipid": f"0x{self.facts.seed:08x}",
-            "product_name": "Underwater GPS", "product_id": 1, "hardware_revision": 1, "variant": "standard",
-        }  # fmt: skip
-        return _answer(about, "about")
-
-    def _status(self) -> Response:
-        has_battery = self._stored["generic"]["locator_type"] in ("u1", "s2")
-        battery = self.settings.battery if has_battery else -1
-        return _answer({"imu": 2, "gps": 2 if self.facts.origin else 0, "battery": battery}, "status")
-
-    def _temperature(self) -> Response:
-        water = self._given["depth"][1]["temp"] if "depth" in self._given else self.settings.water_temperature
-        return _answer({"board": self.settings.board_temperature, "water": water}, "temperature")
-
     def _warnings(self, now_ns: int) -> list[dict[str, str]]:
         """Return what an operator should know, in the device's sense."""
         config = self._stored["generic"]
@@ -219,14 +218,6 @@ class Ugps(Instrument):
         }  # fmt: skip
         names = [name for name, is_so in found.items() if is_so]
         return [{"id": name, "message": name.replace("_", " "), "severity": "warning"} for name in names]
-
-    def _report(self, now_ns: int) -> Response:
-        ids = [warning["id"] for warning in self._warnings(now_ns)]
-        group = {
-            "status_group": "Position", "status_group_id": "position", "status": "warning" if ids else "ok",
-            "message": ", ".join(ids), "error_ids": ids,
-        }  # fmt: skip
-        return _answer([group], f"wl.status.group{_MANY}")
 
     # --- where the locator is
 
@@ -288,18 +279,17 @@ class Ugps(Instrument):
             and (not self._needs_depth() or self._given_depth(now_ns) is not None)
         )
 
-    def _acoustic(self, position: Vector3 | None, now_ns: int) -> Response:
+    def _acoustic(self, position: Vector3 | None, now_ns: int) -> dict[str, Any] | None:
         if position is None:
-            return Response(b"", 404)
+            return None
         is_valid = self._is_valid(position, now_ns)
         distances = [dist(position, [receiver[axis] for axis in "xyz"]) for receiver in self._stored["receivers"]]
-        found = {
+        return {
             "x": position[0], "y": position[1], "z": position[2], "std": self._deviation(),
             "position_valid": is_valid, "receiver_distance": distances,
             "receiver_rssi": [_LEVEL_AT_1M - 20.0 * log10(max(d, 0.1)) for d in distances],
             "receiver_nsd": [_NOISE] * len(distances), "receiver_valid": [int(is_valid)] * len(distances),
         }  # fmt: skip
-        return _answer(found, "accoustic.position")  # as the device spells it
 
     def _master(self) -> dict[str, Any] | None:
         """Return the topside's position and heading; None without one."""
@@ -323,16 +313,15 @@ class Ugps(Instrument):
         }  # fmt: skip
         return self._no_master | found | {"orientation": headings[config["compass"]]}
 
-    def _global(self) -> Response:
+    def _global(self) -> dict[str, Any] | None:
         master, position = self._master(), self._filtered()
         if master is None or position is None:
-            return Response(b"", 503)
+            return None
         heading = radians(master["orientation"])
         x, y, depth = position
         north, east = cos(heading) * x - sin(heading) * y, sin(heading) * x + cos(heading) * y
         latitude, longitude, _ = TangentPlane(master["lat"], master["lon"]).geodetic((north, east, depth))
-        found = master | {"lat": latitude, "lon": longitude} | self._given["orientation"][1]
-        return _answer(found, "wl.satellite.position")
+        return master | {"lat": latitude, "lon": longitude} | self._given["orientation"][1]
 
 
 def _read(body: bytes, rule: dict[str, Any], *, partial: bool = False) -> dict[str, Any] | str:
@@ -352,12 +341,12 @@ def _read(body: bytes, rule: dict[str, Any], *, partial: bool = False) -> dict[s
     return f"invalid value of {', '.join(wrong)}" if wrong else known
 
 
-def _answer(value: Any, kind: str, status: int = 200, missing: int = 503) -> Response:
-    """Return a value, or that there is none."""
+def _answer(value: Any, kind: str, missing: int = 404) -> Response:
+    """Return a value; the status `missing` if there is none."""
     if value is None:
         return Response(b"", missing)
     suffix = "" if "+json" in kind else "+json"
-    return Response(json.dumps(value).encode(), status, f"application/vnd.waterlinked.{kind}{suffix}")
+    return Response(json.dumps(value).encode(), 200, f"application/vnd.waterlinked.{kind}{suffix}")
 
 
 _DONE = _answer({"success": True}, "operation_response")

@@ -58,21 +58,32 @@ class LiveWorld:
         return build_simulation(self._scenario.for_process({}), vehicle, load_world(self._scenario.world))
 
 
-class LiveScene:
-    """What one instrument, with the sensor `spec`, sees of the world."""
+class Scene:
+    """The world around the vehicle as one instrument sees it, if it measures when its client asks, by its settings.
+
+    The state is the slave's true one, extrapolated to the time that is asked for. The world is loaded when the first
+    sensor is built, so an instrument that only passes samples on costs no such memory. `spec` is its sensor.
+    """
 
     def __init__(self, world: LiveWorld, spec: SensorSpec, seed: int) -> None:
         self._world, self._spec, self._seed = world, spec, seed
         self.state = world.state
 
     def build(self, model: Any = None, mounting: Mounting | None = None, sensor: type[Sensor] | None = None) -> Sensor:
-        """Return the instrument's sensor, or another class, with another record of keys, and mounted otherwise."""
+        """Return the instrument's sensor with another record of keys, and mounted otherwise. May take a while.
+
+        It may also be of another class, `sensor`, with a `model` of that. Keep what it returns: errors and the head of
+        a scanning sonar go on from one measurement to the next.
+        """
         kept = self._spec
         spec = SensorSpec(sensor or kept.sensor, model or kept.model, mounting or kept.mounting, kept.name)
         return spec.build(self._seed, self._world.simulation)
 
     def measure(self, sensor: Sensor, now_ns: int) -> Sample | None:
-        """Return a sensor's measurement at a monotonic time; None without a state, or if the sensor gives none."""
+        """Return a sensor's measurement at a monotonic time; None without a state, or if the sensor gives none.
+
+        The time of the sample is monotonic (ns).
+        """
         state = self._world.state(now_ns)
         if state is None:
             return None

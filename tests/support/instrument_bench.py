@@ -50,7 +50,7 @@ class Bench:
     ) -> None:
         self.client = client
         self.facts = Facts(kind.sensors[0], kind.sensors[0], model, memory={}, **{"baud": kind.baud} | facts)
-        self.scene = Scene(self.facts)
+        self.scene: Any = Scene(self.facts)
         self.kind, self.settings = kind, settings or kind.Model()
         self.now_ns = 10 * NS_PER_S
         self.restart()

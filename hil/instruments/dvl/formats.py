@@ -10,7 +10,7 @@ from hil.common.clock import NS_PER_S, NS_PER_US, to_wall_ns
 from hil.instruments.dvl.report import Config, DeadReckoning, Report
 from hil.links.frame.checksums import CRCS, SUMS, crc_checksum
 
-JSON_VERSIONS = {"2.6.1": "json_v3.1", "2.7.1": "json_v3.2"}  # by the software
+JSON_VERSION = "json_v3.2"  # of software 2.7.1
 _SYSTEM = 0b10100011  # of PD4: ship coordinates, tilts used, 600 kHz
 _NO_VELOCITY = -32_768  # mm/s
 _BEAM_OF = (2, 0, 3, 1)  # BM1 to BM4 -> transducer
@@ -29,13 +29,13 @@ def word(value: float | bool | str) -> str:
     return value if isinstance(value, str) else "ny"[value] if isinstance(value, bool) else f"{value:.2f}"
 
 
-def json_line(kind: str, software: str, fields: dict[str, Any]) -> bytes:
+def json_line(kind: str, fields: dict[str, Any]) -> bytes:
     """Return an object of JSON with the version of the format, and its type."""
-    message = {**fields, "format": JSON_VERSIONS[software], "type": kind}
+    message = {**fields, "format": JSON_VERSION, "type": kind}
     return json.dumps(message, separators=(",", ":")).encode() + b"\r\n"
 
 
-def json_report(report: Report, config: Config, software: str, now_ns: int) -> bytes:
+def json_report(report: Report, config: Config, now_ns: int) -> bytes:
     """Return a ping's velocities and transducers."""
     vx, vy, vz = report.velocity
     fields = {
@@ -45,18 +45,18 @@ def json_report(report: Report, config: Config, software: str, now_ns: int) -> b
         "velocity_valid": report.is_valid, "status": 0,
         "time_of_validity": report.validity_us, "time_of_transmission": to_wall_ns(now_ns) // NS_PER_US,
     }  # fmt: skip
-    return json_line("velocity_water" if report.is_water else "velocity", software, fields)
+    return json_line("velocity_water" if report.is_water else "velocity", fields)
 
 
-def json_position(reckoning: DeadReckoning, software: str, now_ns: int) -> bytes:
+def json_position(reckoning: DeadReckoning, now_ns: int) -> bytes:
     """Return a dead reckoning report."""
     place = dict(zip(("x", "y", "z"), reckoning.position, strict=True))
     angles = dict(zip(("roll", "pitch", "yaw"), reckoning.angles, strict=True))
     fields = {"ts": to_wall_ns(now_ns) / NS_PER_S, **place, "std": reckoning.std, **angles, "status": 0}
-    return json_line("position_local", software, fields)
+    return json_line("position_local", fields)
 
 
-def lines_report(report: Report, config: Config, software: str, now_ns: int) -> bytes:
+def lines_report(report: Report, config: Config, now_ns: int) -> bytes:
     """Return the lines of a ping."""
     velocity = [f"{speed:.3f}" for speed in report.velocity]
     covariance = ";".join(f"{x:.6g}" for row in report.covariance for x in row)
@@ -69,9 +69,9 @@ def lines_report(report: Report, config: Config, software: str, now_ns: int) -> 
     return data
 
 
-def all_lines_report(report: Report, config: Config, software: str, now_ns: int) -> bytes:
+def all_lines_report(report: Report, config: Config, now_ns: int) -> bytes:
     """Return the lines of a ping, and those of the deprecated format."""
-    data = lines_report(report, config, software, now_ns)
+    data = lines_report(report, config, now_ns)
     if not report.is_water:
         velocity = [f"{speed:.3f}" for speed in report.velocity]
         fom, altitude, valid = f"{report.fom:.3f}", f"{report.altitude:.2f}", word(report.is_valid)
@@ -80,14 +80,14 @@ def all_lines_report(report: Report, config: Config, software: str, now_ns: int)
     return data
 
 
-def line_position(reckoning: DeadReckoning, software: str, now_ns: int) -> bytes:
+def line_position(reckoning: DeadReckoning, now_ns: int) -> bytes:
     """Return a dead reckoning report."""
     numbers = [f"{value:.2f}" for value in (*reckoning.position, reckoning.std)]
     angles = [f"{value:.1f}" for value in reckoning.angles]
     return line("wrp", f"{to_wall_ns(now_ns) / NS_PER_S:.3f}", *numbers, *angles, 0)
 
 
-def encode_pd6(report: Report, config: Config, software: str = "", now_ns: int = 0) -> bytes:
+def encode_pd6(report: Report, config: Config, now_ns: int = 0) -> bytes:
     """Return the ten sentences of one ping: velocity in mm/s, altitude in m."""
     wall = time.gmtime(report.validity_us // 1_000_000)
     stamp = time.strftime("%y%m%d%H%M%S", wall) + f"{report.validity_us // 10_000 % 100:02d}"
@@ -109,7 +109,7 @@ def encode_pd6(report: Report, config: Config, software: str = "", now_ns: int =
     return "".join(f"{sentence}\r\n" for sentence in sentences).encode()
 
 
-def encode_pd4(report: Report, config: Config, software: str = "", now_ns: int = 0) -> bytes:
+def encode_pd4(report: Report, config: Config, now_ns: int = 0) -> bytes:
     """Return the structure of one ping: velocity in mm/s, ranges in cm; -32768 is no velocity."""
     wall, none = time.gmtime(report.validity_us // 1_000_000), [_NO_VELOCITY] * 4
     speeds = [*[_millimetres(speed) for speed in report.velocity], 0] if report.is_valid else none
@@ -127,8 +127,8 @@ def _millimetres(speed: float) -> int:
 
 
 # Name of a format -> what it makes of a ping and, if anything, of the dead reckoning.
-Encode = Callable[[Report, Config, str, int], bytes]
-FORMATS: dict[str, tuple[Encode, Callable[[DeadReckoning, str, int], bytes] | None]] = {
+Encode = Callable[[Report, Config, int], bytes]
+FORMATS: dict[str, tuple[Encode, Callable[[DeadReckoning, int], bytes] | None]] = {
     "json": (json_report, json_position),
     "lines": (lines_report, line_position),
     "all lines": (all_lines_report, line_position),

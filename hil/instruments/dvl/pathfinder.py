@@ -1,7 +1,7 @@
 """A Teledyne RDI Pathfinder 600 kHz: commands at a prompt, and ensembles in the format PD0.
 
-PD0 gives the velocity of the bottom past a DVL at
-rest: in ship's coordinates a vehicle's way to starboard, ahead and up is negative.
+PD0 gives the velocity of the bottom past a DVL at rest: in ship's coordinates a vehicle's way to starboard, ahead and
+up is negative.
 """
 
 import re

@@ -23,7 +23,7 @@ CYCLE_NS = 10 * NS_PER_S  # between two validations of the bottom, each of which
 IMU_STALE_NS = NS_PER_S
 MOST_TRIGGERS = 15
 CALIBRATION_NS = 5 * NS_PER_S  # ours: "up to 15 s"
-LINE_VERSIONS = {"2.6.1": "2,6,0", "2.7.1": "2,7,0"}  # by the software
+SOFTWARE, LINE_VERSION = "2.7.1", "2,7,0"
 CHIP = "0xf1440c09140b04"
 PAUSE_NS = 100 * NS_PER_MS  # ours: the device waits 10 ms for the next byte, an adapter on USB delivers later
 LONGEST_LINE = 257
@@ -37,7 +37,7 @@ FLAGS = {"y": True, "n": False}
 
 
 class DvlSettings(NamedTuple):
-    """Settings of a DVL A50 or A125: its configuration when it is new, and its software.
+    """Settings of a DVL A50 or A125: its configuration when it is new, and its formats.
 
     `formats` are those of its TCP wires, in their order (default: JSON for all). `serial_protocol` is the number of
     `wcp`: 0 nothing, 1 and 3 lines with and without the old sentences, 2 PD6, 6 PD4. What clients set outlives a loss
@@ -52,7 +52,6 @@ class DvlSettings(NamedTuple):
     periodic_cycling_enabled: bool = True
     formats: tuple[Literal["json", "pd6", "pd4"], ...] = ()
     serial_protocol: Annotated[int, Range(0, 6)] = 1
-    software: Literal["2.6.1", "2.7.1"] = "2.7.1"
 
     def validate(self) -> str | None:
         """Return why the range mode is invalid, or None."""
@@ -125,7 +124,7 @@ class Dvl(StreamInstrument):
             for client in self.readers:
                 encode = FORMATS.get(self._format(client), (None, None))[1]
                 if encode:
-                    self.send(encode(self._reckoning, self.settings.software, now_ns), client)
+                    self.send(encode(self._reckoning, now_ns), client)
         while self._calibrations and self._calibrations[0][0] <= now_ns:
             self._calibrations.popleft()[1]()
         due_ns = min(self._position_ns, self._calibrations[0][0] if self._calibrations else NEVER_NS)
@@ -173,7 +172,7 @@ class Dvl(StreamInstrument):
         self._reckoning.move(report, measured_ns)
         for client in self.readers:
             if chosen := self._format(client):
-                data = FORMATS[chosen][0](report, config, self.settings.software, now_ns)
+                data = FORMATS[chosen][0](report, config, now_ns)
                 self.send(data, client, measured_ns=measured_ns)
 
     # --- commands
@@ -207,7 +206,7 @@ class Dvl(StreamInstrument):
 
         def respond(result: Any = None, error: str = "") -> None:
             fields = {"response_to": command, "success": not error, "error_message": error, "result": result}
-            self.send(json_line("response", self.settings.software, fields), client)
+            self.send(json_line("response", fields), client)
 
         if command == "calibrate_gyro":
             self._calibrations.append((now_ns + CALIBRATION_NS, respond))
@@ -243,9 +242,9 @@ class Dvl(StreamInstrument):
             return ("wr!",)
         match command.decode("ascii", "replace").split(","):
             case ["wcv"]:
-                return "wrv", LINE_VERSIONS[self.settings.software]
+                return "wrv", LINE_VERSION
             case ["wcw"]:
-                return "wrw", self.product.lower().replace(" ", "-"), self.settings.software, CHIP
+                return "wrw", self.product.lower().replace(" ", "-"), SOFTWARE, CHIP
             case ["wcc"]:
                 return "wrc", *[word(getattr(self._config, key)) for key in OPTIONS]
             case ["wcs", *options] if 4 <= len(options) <= len(OPTIONS):
