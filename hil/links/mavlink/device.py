@@ -1,7 +1,6 @@
 """Device end (thruster controller) of a MAVLink thruster link; a host or a script commands it.
 
     SERVO_OUTPUT_RAW        all pulses; port 0, from a component of this system
-    HIL_ACTUATOR_CONTROLS   all pulses, and whether armed; from a component of this system
     RC_CHANNELS_OVERRIDE    pulses of the channels that are not ignored; a released channel goes to neutral
     COMMAND_LONG            acknowledged, whatever it is:
       COMPONENT_ARM_DISARM  arming leaves the pulses as they are, which after disarming is neutral
@@ -10,49 +9,39 @@
 Commands are accepted from any sender, and the last one wins; `signing_key` restricts that to senders with the key. A
 command for some of the pulses leaves the others unchanged. All of these count as commands for the STM32's watchdog.
 Joysticks, motor tests, parameters and missions of ground stations are the vehicle's: see hil.gateways.mavlink. The
-firmware in C executes the same, except HIL_ACTUATOR_CONTROLS and signatures.
+firmware in C executes the same, without signatures.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.common.clock import NS_PER_S
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.mavlink import end
 from hil.links.mavlink.end import MavlinkEnd
 from hil.links.mavlink.outputs import Outputs
-from hil.links.mavlink.reports import (
-    encode_device_heartbeat,
-    encode_esc_telemetry,
-    encode_sys_status,
-)
+from hil.links.mavlink.reports import encode_device_heartbeat, encode_sys_status
 from hil.links.mavlink.servos import ServoOutputRaw
-from hil.links.mavlink.settings import EscReading, MavlinkSettings
+from hil.links.mavlink.settings import MavlinkSettings
 
-ESC_PERIOD_NS = NS_PER_S // 5
 IGNORED = 0xFFFF
 
 Result = tuple[int, ThrusterCommand | None]  # MAV_RESULT, and the command for the STM32
 
 
 class MavlinkDevice(MavlinkEnd):
-    """Device end. `esc`: measured values, one reading for each ESC; once set they are sent at 5 Hz."""
+    """Device end."""
 
     def __init__(
         self, channels: int, settings: MavlinkSettings, clock: Callable[[], int], wall_clock: Callable[[], int]
     ) -> None:
         super().__init__(channels, settings, settings.component, clock, wall_clock)
-        self.esc: Sequence[EscReading] = ()
-        self._esc_count = 0
-        self._beat_ns = self._esc_ns = 0
         self._reported = ThrusterTelemetry(0, False, False, (PWM_NEUTRAL_US,) * channels, 0, 0, 0, 0)
         self._outputs = Outputs(channels)
         self.handlers = {
             dialect.MAVLINK_MSG_ID_TIMESYNC: self.timesync,
             dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output_raw,
-            dialect.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS: self._hil_actuator_controls,
             dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE: self._rc_channels_override,
             dialect.MAVLINK_MSG_ID_COMMAND_LONG: self._command_long,
         }
@@ -73,17 +62,9 @@ class MavlinkDevice(MavlinkEnd):
         return (self._state() if changed else b"") + self.servo_output_raw(list(message.pwm_us))
 
     def tick(self, now_ns: int) -> bytes:
-        """Return heartbeat, status and ESC readings, each when it is due."""
-        data = b""
-        if now_ns >= self._beat_ns:
-            self._beat_ns = end.next_due(self._beat_ns, end.BEAT_NS, now_ns)
-            data += self._state()
-        if now_ns >= self._esc_ns:
-            self._esc_ns = end.next_due(self._esc_ns, ESC_PERIOD_NS, now_ns)
-            self._esc_count += 1
-            data += b"".join([self.pack(message) for message in encode_esc_telemetry(self.esc, self._esc_count)])
-        self.deadline_ns = min(self._beat_ns, self._esc_ns)
-        return data
+        """Return heartbeat and status, which are due."""
+        self.deadline_ns = end.next_due(self.deadline_ns, end.BEAT_NS, now_ns)
+        return self._state()
 
     def _state(self) -> bytes:
         return self.pack(encode_device_heartbeat(self._reported)) + self.pack(encode_sys_status(self._reported))
@@ -92,12 +73,6 @@ class MavlinkDevice(MavlinkEnd):
         if packet.system != self.settings.system or packet.port != end.PORT:
             return None
         return self._outputs.set_pulses(packet.pulses[: self.channels], self._outputs.armed, packet)
-
-    def _hil_actuator_controls(self, packet: Any) -> ThrusterCommand | None:
-        if packet.get_srcSystem() != self.settings.system:
-            return None
-        armed = packet.mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED != 0
-        return self._outputs.set_pulses(self._pulses(packet.controls[: self.channels]), armed, packet)
 
     def _rc_channels_override(self, packet: Any) -> ThrusterCommand | None:
         if not self._is_addressed_here(packet.target_system, packet.target_component):
@@ -134,9 +109,6 @@ class MavlinkDevice(MavlinkEnd):
     def _channel(self, instance: float) -> int | None:
         """Return the index of a channel, which MAVLink counts from 1; None if it does not exist."""
         return int(instance) - 1 if 1 <= instance <= self.channels and instance == int(instance) else None
-
-    def _pulses(self, shares: Sequence[float]) -> list[int]:
-        return [end.share_to_pulse(share, self.settings.span_us) for share in shares]
 
 
 def _overridden(channel: int, width: int, current_us: int) -> int:

@@ -6,7 +6,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, NS_PER_US
-from hil.links.contract import PWM_MAX_US, PWM_MIN_US, PWM_NEUTRAL_US, Counters, Message, Protocol
+from hil.links.contract import PWM_MAX_US, PWM_MIN_US, Counters, Message, Protocol
 from hil.links.mavlink.settings import MavlinkSettings
 from hil.links.mavlink.stream import MavlinkStream, signing_secret
 
@@ -91,13 +91,6 @@ def sender(packet: Any) -> tuple[int, int]:
 def is_pulse(width_us: float) -> bool:
     """Return whether this is a valid pulse width (us) for an ESC; any other means no output."""
     return PWM_MIN_US <= width_us <= PWM_MAX_US
-
-
-def share_to_pulse(share: float, span_us: int) -> int:
-    """Return the pulse width (us) for a share of full thrust, -1..1, limited; nan and infinity give no pulse."""
-    if not -float("inf") < share < float("inf"):
-        return NO_PULSE_US
-    return PWM_NEUTRAL_US + round(max(-1.0, min(share, 1.0)) * span_us)
 
 
 def next_due(due_ns: int, period_ns: int, now_ns: int) -> int:

@@ -1,18 +1,16 @@
 """Host end (vehicle's computer) of a MAVLink thruster link: send commands, receive reports."""
 
-import math
 from collections.abc import Callable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.common.clock import NS_PER_US
 from hil.links.contract import PWM_NEUTRAL_US, Message, SentCommands, ThrusterCommand, ThrusterTelemetry
 from hil.links.mavlink import end
 from hil.links.mavlink.end import MavlinkEnd
-from hil.links.mavlink.reports import ESC_GROUPS, decode_esc_readings, encode_host_heartbeat
+from hil.links.mavlink.reports import encode_host_heartbeat
 from hil.links.mavlink.servos import ServoOutputRaw
-from hil.links.mavlink.settings import EscReading, MavlinkSettings
+from hil.links.mavlink.settings import MavlinkSettings
 
 OVERTAKEN = 16  # packets by which one may be overtaken, as on UDP; an older one comes from a restarted device
 OVERTAKEN_US = 1_000_000  # the same as time of the device's clock
@@ -21,7 +19,7 @@ IGNORED = 0xFFFF  # in RC_CHANNELS_OVERRIDE: leave the channel unchanged
 
 
 class MavlinkHost(MavlinkEnd):
-    """Host end. `esc` has the last reading of each ESC, None before the first."""
+    """Host end."""
 
     echoes_sequence = False
 
@@ -29,11 +27,9 @@ class MavlinkHost(MavlinkEnd):
         self, channels: int, settings: MavlinkSettings, clock: Callable[[], int], wall_clock: Callable[[], int]
     ) -> None:
         super().__init__(channels, settings, settings.host_component, clock, wall_clock)
-        self.esc: list[EscReading | None] = [None] * channels
         self._device = settings.system, settings.component
         self._encode_pulses = {
-            "servo_output_raw": self._servo_output_raw,
-            "hil_actuator_controls": self._hil_actuator_controls,
+            "servo_output_raw": self.servo_output_raw,
             "rc_channels_override": self._rc_channels_override,
         }[settings.command]
         self._sent = SentCommands()
@@ -50,7 +46,6 @@ class MavlinkHost(MavlinkEnd):
             dialect.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
             dialect.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
             dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._report,
-            **dict.fromkeys(ESC_GROUPS, self._esc_telemetry),
         }
 
     def encode(self, message: Message) -> bytes:
@@ -61,9 +56,8 @@ class MavlinkHost(MavlinkEnd):
         pulses = [PWM_NEUTRAL_US] * self.channels
         if message.armed:
             pulses = [width if end.is_pulse(width) else end.NO_PULSE_US for width in message.pwm_us]
-        shown, packets = self._encode_pulses(pulses, message.armed)
-        self._sent.add_sent(tuple(shown), message.sequence)
-        return packets
+        self._sent.add_sent(tuple(pulses), message.sequence)
+        return self._arming(message.armed) + self._encode_pulses(pulses)
 
     def encode_settled(self, message: Message) -> bytes:
         """Return the packets of a command for a device in the same armed state, so without COMPONENT_ARM_DISARM."""
@@ -75,21 +69,9 @@ class MavlinkHost(MavlinkEnd):
         self.deadline_ns = end.next_due(self.deadline_ns, end.BEAT_NS, now_ns)
         return self.pack(encode_host_heartbeat())
 
-    def _servo_output_raw(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
-        return pulses, self._arming(armed) + self.servo_output_raw(pulses)
-
-    def _rc_channels_override(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
+    def _rc_channels_override(self, pulses: list[int]) -> bytes:
         channels = [width or NOT_A_PULSE_US for width in pulses] + [IGNORED] * (18 - len(pulses))
-        message = dialect.MAVLink_rc_channels_override_message(*self._device, *channels)
-        return pulses, self._arming(armed) + self.pack(message)
-
-    def _hil_actuator_controls(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
-        span = self.settings.span_us
-        shares = [max(-1.0, min((width - PWM_NEUTRAL_US) / span, 1.0)) if width else math.nan for width in pulses]
-        controls = shares + [0.0] * (end.SERVOS - len(shares))
-        mode = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
-        message = dialect.MAVLink_hil_actuator_controls_message(self._clock() // NS_PER_US, controls, mode, 0)
-        return [end.share_to_pulse(share, span) for share in shares], self.pack(message)
+        return self.pack(dialect.MAVLink_rc_channels_override_message(*self._device, *channels))
 
     def _arming(self, armed: bool) -> bytes:
         """Return COMPONENT_ARM_DISARM, unless the device's last HEARTBEAT has the same armed state."""
@@ -116,12 +98,6 @@ class MavlinkHost(MavlinkEnd):
         if end.sender(packet) == self._device and not 0 < behind <= OVERTAKEN:
             self._status_number = packet.get_seq()
             self._errors, self._trips, self._frames = packet.errors_comm, packet.errors_count1, packet.errors_count2
-
-    def _esc_telemetry(self, packet: Any) -> None:
-        if end.sender(packet) == self._device:
-            first = ESC_GROUPS[packet.get_msgId()]
-            for i, reading in enumerate(decode_esc_readings(packet)[: max(0, self.channels - first)]):
-                self.esc[first + i] = reading
 
     def _report(self, packet: ServoOutputRaw) -> ThrusterTelemetry | None:
         if end.sender(packet) != self._device or packet.port != end.PORT:

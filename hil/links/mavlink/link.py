@@ -3,20 +3,18 @@
 Messages (mavlink.io/en/messages/common.html and ardupilotmega.html):
 
     host -> device   SERVO_OUTPUT_RAW        pulse widths in us, port 0               `command` chooses
-                     HIL_ACTUATOR_CONTROLS   -1..1 and an armed flag; nan is no pulse    one of these
-                     RC_CHANNELS_OVERRIDE    pulse widths in us                          three
+                     RC_CHANNELS_OVERRIDE    pulse widths in us                       one of these
                      COMMAND_LONG            COMPONENT_ARM_DISARM
                      HEARTBEAT               1 Hz: an onboard controller
     device -> host   SERVO_OUTPUT_RAW        the pulse widths in effect, one report a command
                      HEARTBEAT, SYS_STATUS   1 Hz, and ahead of the report when armed or timed out change
-                     ESC_TELEMETRY_n_TO_m    5 Hz, if the device has readings of its ESCs
 
 The device also executes DO_SET_SERVO, and acknowledges each COMMAND_LONG, see `hil.links.mavlink.device`. Both ends
 answer TIMESYNC. Messages for other addresses are ignored.
 
-Arming. SERVO_OUTPUT_RAW and RC_CHANNELS_OVERRIDE do not carry it. So the host sends COMPONENT_ARM_DISARM before each
-command while the device's HEARTBEAT differs; the two then agree again after a lost message or a watchdog trip.
-HIL_ACTUATOR_CONTROLS carries it in each message. A command that is not armed carries neutral pulse widths.
+Arming. Neither of the two carries it. So the host sends COMPONENT_ARM_DISARM before each
+command while the device's HEARTBEAT differs; the two then agree again after a lost message or a watchdog trip. A
+command that is not armed carries neutral pulse widths.
 
 Telemetry at the host. `pwm_us`, `armed`, `timed_out` and `watchdog_trips` are those at the time of the report:
 HEARTBEAT (base_mode SAFETY_ARMED; system_status CRITICAL after a watchdog trip) and SYS_STATUS (errors_count1: watchdog
@@ -26,9 +24,8 @@ message returns the command's sequence number: `sequence` is inferred from the p
 extended to 16 bits, is the command's sequence number, so that an overtaken command is detected.
 
 Only MAVLink 2 is read; a MAVLink 1 packet counts as noise, and so does a message that is not in the dialect,
-because its checksum depends on the unknown layout. The dialect is ardupilotmega, the smallest that has
-ESC_TELEMETRY: `common` would save 1.6 of 11.8 MiB and 4 of 27 ms. pymavlink's mavutil (120 ms, and numpy) is
-not used.
+because its checksum depends on the unknown layout. The dialect is ardupilotmega, as for the gateway, which needs its
+ESC_TELEMETRY: `common` would save 1.6 of 11.8 MiB and 4 of 27 ms. pymavlink's mavutil (120 ms, and numpy) is not used.
 """
 
 import time

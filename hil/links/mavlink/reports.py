@@ -19,8 +19,6 @@ _ESC_MESSAGES = (
     dialect.MAVLink_esc_telemetry_13_to_16_message,
 )
 GROUP = 4  # ESCs in each
-# message id -> index of the first ESC in it
-ESC_GROUPS: dict[int, int] = {message.id: i * GROUP for i, message in enumerate(_ESC_MESSAGES)}
 
 RPM = 2.0 * math.pi / 60.0  # rad/s
 CENTI = 0.01
@@ -71,15 +69,6 @@ def encode_sys_status(report: ThrusterTelemetry) -> Any:
 def encode_esc_telemetry(esc: Sequence[EscReading], count: int) -> list[Any]:
     """Return ESC_TELEMETRY of these readings (up to 16); `count` is how often the ESCs have been read (wraps)."""
     return [_ESC_MESSAGES[i // GROUP](*_columns(esc[i : i + GROUP], count)) for i in range(0, len(esc), GROUP)]
-
-
-def decode_esc_readings(packet: Any) -> list[EscReading]:
-    """Return the four readings of an ESC_TELEMETRY; an ESC that does not exist reads zero."""
-    columns = zip(packet.rpm, packet.voltage, packet.current, packet.temperature, packet.totalcurrent, strict=True)
-    return [
-        EscReading(rpm * RPM, voltage * CENTI, current * CENTI, float(temperature), charge * MAH)
-        for rpm, voltage, current, temperature, charge in columns
-    ]
 
 
 def _columns(group: Sequence[EscReading], count: int) -> list[list[int]]:

@@ -12,16 +12,13 @@ class MavlinkSettings(NamedTuple):
 
     system, component: the device's ids; the host is `host_component` of the same system (191: onboard computer).
     Messages without an address are accepted only within that system.
-    span_us: distance from neutral of +-1 (HIL_ACTUATOR_CONTROLS); 400 us is full thrust of Blue Robotics' Basic ESC and
-    ArduSub's default.
     signing_key: 64 hexadecimal digits, or a passphrase whose SHA-256 is the key; empty: packets are not signed.
     """
 
-    command: Literal["servo_output_raw", "hil_actuator_controls", "rc_channels_override"] = "servo_output_raw"
+    command: Literal["servo_output_raw", "rc_channels_override"] = "servo_output_raw"
     system: Id = 1
     component: Id = 1
     host_component: Id = 191
-    span_us: Annotated[int, Range(1, 700)] = 400
     signing_key: str = ""
 
     def validate(self) -> str | None:

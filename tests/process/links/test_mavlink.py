@@ -1,6 +1,5 @@
 """Both ends of a MAVLink link, tested with each other and with plain pymavlink."""
 
-import math
 import subprocess
 import sys
 from itertools import pairwise
@@ -10,10 +9,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.links.contract import MAX_THRUSTERS, ThrusterCommand, ThrusterTelemetry
-from hil.links.mavlink.settings import EscReading
 from tests.support.links.mavlink_peer import MS, Board, Clock, Peer, device_end, host_end
 
-COMMANDS = ("servo_output_raw", "hil_actuator_controls", "rc_channels_override")
+COMMANDS = ("servo_output_raw", "rc_channels_override")
 PULSES = (1100, 1499, 1501, 1900)
 
 
@@ -51,19 +49,6 @@ def test_a_width_outside_the_valid_range_turns_the_output_off(command: str) -> N
     (received,) = reports(host.feed(board.take(host.encode(order(2, (0, 799, 2201, 1600))))))[-1:]
     assert board.pwm_us == [0, 0, 0, 1600]
     assert (received.sequence, received.pwm_us) == (2, (0, 0, 0, 1600))
-
-
-def test_wide_pulses_are_sent_by_servo_output_raw_and_limited_by_controls() -> None:
-    wide_pulses = (800, 2200, 1500, 1900)
-    for command, span_us, expected in (
-        ("servo_output_raw", 400, list(wide_pulses)),
-        ("hil_actuator_controls", 400, [1100, 1900, 1500, 1900]),
-        ("hil_actuator_controls", 700, list(wide_pulses)),
-    ):
-        board, host = Board(span_us=span_us), host_end(command=command, span_us=span_us)
-        (received,) = reports(host.feed(board.take(host.encode(order(3, wide_pulses)))))[-1:]
-        assert board.pwm_us == expected
-        assert received.sequence == 3, "inferred from the pulses as the wire carries them"
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -212,7 +197,6 @@ def test_other_mavlink_systems_on_the_wire_are_ignored() -> None:
         other_vehicle.pack(dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 5, 3)),
         other_vehicle.pack(dialect.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 0, 0, 9, 9, 9, 9, 9)),
         other_vehicle.servos([1999] * 16),
-        other_vehicle.pack(dialect.MAVLink_hil_actuator_controls_message(0, [1.0] * 16, 128, 0)),
         other_vehicle.pack(dialect.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)),
         ground.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, system=2),
         ground.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, component=154),
@@ -220,12 +204,10 @@ def test_other_mavlink_systems_on_the_wire_are_ignored() -> None:
         ground.pack(dialect.MAVLink_manual_control_message(2, 1000, 0, 500, 0, 0)),
         Peer(1, 191).servos([1234] * 4, port=1),  # another set of outputs
         Peer(1, 1).servos([1234] * 4, port=1),
-        other_vehicle.pack(dialect.MAVLink_esc_telemetry_1_to_4_message([9] * 4, *[[9] * 4] * 5)),
     ]
     for packet in foreign:
         assert board.end.feed(packet) == host.feed(packet) == []
     assert board.end.replies() == host.replies() == b""
-    assert host.esc == [None] * 4
     assert board.end.feed(Peer(1, 1).servos([1234] * 4)) == [], "our own echo is no command"
     (received,) = reports(host.feed(board.take(host.encode(order(2, (1600,) * 4)))))
     assert (received.armed, received.timed_out, received.errors, received.pwm_us) == (True, False, 0, (1600,) * 4)
@@ -241,28 +223,6 @@ def test_both_ends_answer_timesync() -> None:
         assert (answer.tc1, answer.ts1) == (clock.now, 42)
         assert end.feed(peer.pack(answer)) == []
         assert end.replies() == b"", "an answer needs no answer"
-
-
-@pytest.mark.parametrize("channels", [1, 4, 6, 16])
-def test_esc_readings_are_transmitted(channels: int) -> None:
-    device, host, decoder = device_end(channels), host_end(channels), Peer()
-    assert "ESC_TELEMETRY_1_TO_4" not in decoder.names(device.tick(0))
-    device.esc = [EscReading(100.0 + i, 14.81, 3.25 + i, 31.0, 720.0) for i in range(channels)]
-    output = device.tick(200 * MS)
-    assert len(decoder.names(output)) == math.ceil(channels / 4)
-    assert host.feed(output) == []
-    for i, received in enumerate(host.esc):
-        assert received is not None
-        assert received.speed == pytest.approx(100.0 + i, abs=0.06)  # half an rpm
-        assert received[1:] == pytest.approx((14.81, 3.25 + i, 31.0, 720.0))
-
-
-def test_esc_readings_are_limited_to_their_fields() -> None:
-    device, sees = device_end(1), Peer()
-    device.esc = [EscReading(-100.0, math.nan, 1e9, -3.0, math.inf)]
-    (message,) = [m for m in sees.parse(device.tick(0)) if m.get_type() == "ESC_TELEMETRY_1_TO_4"]
-    assert (message.rpm[0], message.voltage[0], message.current[0]) == (955, 0, 65_535)
-    assert (message.temperature[0], message.totalcurrent[0], message.count) == (0, 65_535, [1, 0, 0, 0])
 
 
 def test_an_end_refuses_to_send_a_wrong_kind_or_number() -> None:

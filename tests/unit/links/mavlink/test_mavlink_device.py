@@ -114,15 +114,6 @@ def test_broadcast_commands_are_executed(ground: Ground) -> None:
     assert ground.board.stm32.armed
 
 
-def test_non_finite_actuator_controls_give_no_pulse() -> None:
-    board, host = Board(), Peer(1, 191)
-    controls = [math.nan, math.inf, -7.0, 0.25] + [0.0] * 12
-    board.take(host.pack(dialect.MAVLink_hil_actuator_controls_message(0, controls, 128, 0)))
-    assert board.pwm_us == [0, 0, 1100, 1600]
-    board.take(host.pack(dialect.MAVLink_hil_actuator_controls_message(0, controls, 0, 0)))
-    assert (board.stm32.armed, board.pwm_us) == (False, NEUTRAL)
-
-
 def test_the_latest_of_several_commanders_takes_effect(armed: Ground) -> None:
     host = Peer(1, 191)
     for i in range(40):

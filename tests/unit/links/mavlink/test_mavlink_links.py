@@ -3,6 +3,7 @@
 import os
 import select
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
@@ -11,11 +12,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from firmware_stub.serve import serve
 from firmware_stub.stub import Stm32, Stm32End
-from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.contract import Counters, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.mavlink.stream import MavlinkStream
 from hil.links.protocols import Role, open_protocol
 from hil.links.wires.terminal import PtyHostWire, PtyWire
 from tests.support.links.link_contract import PATIENCE_S, Ends, LinkContract, command, read_messages, wait_readable
-from tests.support.links.mavlink_peer import KEY, MS, Peer
+from tests.support.links.mavlink_peer import KEY, MS
 
 # The number that arrives is the packet's, and a report's age counts from the first that shows its command.
 COMMANDS_CARRY = ("armed", "pwm_us")
@@ -25,18 +27,6 @@ REPORTS_CARRY = tuple(field for field in ThrusterTelemetry._fields if field != "
 def pty_pair() -> tuple[Wire, Wire]:
     device = PtyWire()
     return device, PtyHostWire(device.path)
-
-
-class TestActuatorControlsOnPty(LinkContract):
-    open_wires = staticmethod(pty_pair)
-    protocol = "mavlink"
-    settings: ClassVar[dict[str, Any]] = {"command": "hil_actuator_controls"}
-    commands_carry = COMMANDS_CARRY
-    reports_carry = REPORTS_CARRY
-
-
-class TestSignedActuatorControlsOnPty(TestActuatorControlsOnPty):
-    settings: ClassVar[dict[str, Any]] = {"command": "hil_actuator_controls", "signing_key": KEY.hex()}
 
 
 class TestServoOutputsOnPty(LinkContract):
@@ -49,8 +39,12 @@ class TestServoOutputsOnPty(LinkContract):
 
     def protocol_of(self, role: Role, channels: int) -> Protocol:
         end = open_protocol("mavlink", role, channels, **self.settings)
+        peer = MavlinkStream(*((1, 1) if role == "host" else (255, 190)), Counters())
+        if "signing_key" in self.settings:
+            peer.sign(KEY, time.time_ns)
         armed = dialect.MAVLink_heartbeat_message(12, 0, dialect.MAV_MODE_FLAG_SAFETY_ARMED, 0, 4, 3)
-        end.feed(Peer(1, 1).pack(armed) if role == "host" else Peer().arm())
+        arming = dialect.MAVLink_command_long_message(1, 1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1.0, *[0.0] * 6)
+        end.feed(peer.pack(armed if role == "host" else arming))
         end.replies()
         return end
 
@@ -73,6 +67,10 @@ class TestServoOutputsOnPty(LinkContract):
         wanted = ThrusterTelemetry(99, True, False, order.pwm_us, 0, 1, 0, 0)
         self.assert_same(received, [wanted._replace(sequence=0, pwm_us=(1500,) * 16), wanted])
         assert stm32.pwm_us == list(order.pwm_us)
+
+
+class TestSignedServoOutputsOnPty(TestServoOutputsOnPty):
+    settings: ClassVar[dict[str, Any]] = {"signing_key": KEY.hex()}
 
 
 class TestRcOverrideOnPty(TestServoOutputsOnPty):
