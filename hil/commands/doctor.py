@@ -43,7 +43,7 @@ MACHINE: tuple[Check, ...] = (
     doctor_links.check_can_bus,
     doctor_board.check_governor,
     doctor_board.check_throttling,
-    doctor_board.check_realtime_limits,
+    doctor_board.check_realtime_share,
     doctor_board.check_clock,
     doctor_network.check_network_ports,
     doctor_network.check_security,

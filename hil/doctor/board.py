@@ -1,19 +1,14 @@
-"""Check the board: clocks, temperature, memory, and what the kernel permits the user."""
+"""Check the board: clocks, temperature, memory, and whether the kernel schedules in real time."""
 
-import shlex
 from collections.abc import Iterator
 
 from boards import model
 from boards.health import governors, temperature, throttling
 from boards.resources import available_memory_mib
 from boards.tree import architecture
-from hil.common.clock import LOOP_PRIORITY
-from hil.doctor.findings import Case, Finding, parse_hexadecimal, parse_number, realtime_remedy, user_prefix
-from hil.install.units import UNIT
+from hil.doctor.findings import Case, Finding
 
-CAP_IPC_LOCK, CAP_SYS_NICE = 14, 23  # capabilities(7)
 NEARLY_HOT = 5.0  # K below the temperature at which the board throttles
-LIMITS, STATUS = "/proc/self/limits", "/proc/self/status"
 CGROUPS = "/sys/fs/cgroup"
 MEMORY_REMEDY = (
     "take cgroup_disable=memory out of the kernel's command line; on a Raspberry Pi, add cgroup_enable=memory to the "
@@ -100,37 +95,13 @@ def check_throttling(case: Case) -> Iterator[Finding]:
     yield Finding("note" if is_hot else "ok", "temperature", text, remedy[False] if is_hot else "")
 
 
-def check_realtime_limits(case: Case) -> Iterator[Finding]:
-    """Check whether the user is granted real-time scheduling and locked memory, by limits and capabilities."""
-    tree = case.tree
+def check_realtime_share(case: Case) -> Iterator[Finding]:
+    """Check whether the kernel grants any time to real-time scheduling, if the scenario requests that."""
     if case.scenario and not case.scenario.slave.realtime:
         yield Finding("ok", "real time", "not requested: [slave] realtime is false")
-        return
-    if tree.text("/proc/sys/kernel/sched_rt_runtime_us") == "0":
+    elif case.tree.text("/proc/sys/kernel/sched_rt_runtime_us") == "0":
         text = "the kernel grants no time to SCHED_FIFO: sched_rt_runtime_us is 0"
         yield Finding(case.severity, "real time", text, "sudo sysctl kernel.sched_rt_runtime_us=950000")
-    process = _read_limits(case)
-    if process is None:
-        text = f"the limits of {case.user.name} cannot be determined"
-        prefix = user_prefix(case.user)
-        rerun = f"run the same command with sudo and --user {case.user.name}"
-        remedy = f"see: {shlex.join([*prefix, 'true'])}" if prefix else rerun  # the command prints why it fails
-        yield Finding("note", "real time", text, remedy)
-        return
-    limits, capabilities = process_limits(process), _capabilities(process)
-    remedy = realtime_remedy(case)
-    priority, memory = limits.get("Max realtime priority"), limits.get("Max locked memory")
-    if priority is not None and not capabilities >> CAP_SYS_NICE & 1:
-        enough = priority >= LOOP_PRIORITY
-        text = f"priority {priority:g} is permitted, but the slave's loop needs {LOOP_PRIORITY}"
-        severity, service = case.severity, _service_priority(case)
-        if not enough and service >= LOOP_PRIORITY:
-            severity, text = "note", f"{text}; as the installed service it has {service:g}"
-        yield Finding("ok" if enough else severity, "real time", text, "" if enough else remedy)
-    if memory is not None and not capabilities >> CAP_IPC_LOCK & 1:
-        enough = memory >= 128 * 2**20
-        text = "unlimited" if memory == float("inf") else f"{memory / 2**20:g} MiB"
-        yield Finding("ok" if enough else "note", "lock limit", f"{text} may be locked", "" if enough else remedy)
 
 
 def check_clock(case: Case) -> Iterator[Finding]:
@@ -144,35 +115,3 @@ def check_clock(case: Case) -> Iterator[Finding]:
         yield Finding(case.severity if case.remote else "note", "clock", text, remedy)
     else:
         yield Finding("note", "clock", "whether it is synchronised cannot be determined: timedatectl does not answer")
-
-
-def process_limits(text: str) -> dict[str, float]:
-    """Return the soft limits of a process by name, from the text of its /proc/PID/limits."""
-    limits = {}
-    for line in text.splitlines():
-        value = line[26:].split()
-        limit = float("inf") if value[:1] == ["unlimited"] else parse_number(value[0]) if value else None
-        if limit is not None:
-            limits[line[:26].strip()] = limit
-    return limits
-
-
-def _read_limits(case: Case) -> str | None:
-    """Return limits and status of a process of the user; None if this process cannot start one."""
-    prefix = user_prefix(case.user) if case.tree.live else []
-    if prefix:
-        return case.tree.run(*prefix, "cat", LIMITS, STATUS)
-    return None if prefix is None else f"{case.tree.text(LIMITS)}\n{case.tree.text(STATUS)}"
-
-
-def _capabilities(text: str) -> int:
-    for line in text.splitlines():
-        if line.startswith("CapEff:"):
-            return parse_hexadecimal(line.partition(":")[2]) or 0
-    return 0
-
-
-def _service_priority(case: Case) -> float:
-    """Return the real-time priority that the installed unit grants; 0 if no unit is installed for this user."""
-    settings = dict(line.partition("=")[::2] for line in case.tree.text(UNIT).splitlines())
-    return (parse_number(settings.get("LimitRTPRIO", "")) or 0.0) if settings.get("User") == case.user.name else 0.0

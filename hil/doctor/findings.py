@@ -103,15 +103,6 @@ def user_prefix(user: User) -> list[str] | None:
     return ["runuser", "-u", user.name, "--"] if os.geteuid() == 0 else None
 
 
-def parse_number(text: str) -> float | None:
-    """Return a decimal number of the kernel's files; None if the text is no number."""
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return None if value != value else value
-
-
 def parse_hexadecimal(text: str) -> int | None:
     """Return a hexadecimal number of the kernel's files; None if the text is no number."""
     try:

@@ -11,12 +11,14 @@ from collections.abc import Callable, Iterator
 from importlib import metadata
 from importlib.util import find_spec
 
+from boards.tree import Tree
 from hil.common import __version__
 from hil.common.children import python_command
 from hil.common.clock import LOOP_PRIORITY
 from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
 from hil.doctor.findings import Case, Finding, Level, User, permits, realtime_remedy, user_prefix
 from hil.install.check import assemble
+from hil.install.units import UNIT
 from hil.links.contract import PWM_NEUTRAL_US
 from hil.scenario.attitude_warning import attitude_warning
 from hil.scenario.config import Scenario, build_simulation
@@ -206,8 +208,12 @@ def check_library(name: str, distribution: str, purpose: str, package: str, need
 
 def check_scheduling(case: Case) -> Iterator[Finding]:
     """Report the scheduling and locked memory that a process of the slave's user gets."""
+    if case.scenario and not case.scenario.slave.realtime:
+        return
     prefix = user_prefix(case.user)
     if prefix is None:
+        remedy = f"run the same command with sudo and --user {case.user.name}"
+        yield Finding("note", "scheduling", f"that of {case.user.name} cannot be determined", remedy)
         return
     request = f"[clock.schedule_fifo({LOOP_PRIORITY}), clock.lock_memory()]"
     code = f"import json; from hil.common import clock; print(json.dumps({request}))"
@@ -223,7 +229,18 @@ def check_scheduling(case: Case) -> Iterator[Finding]:
         return
     for is_granted, text in json.loads(output):
         topic, _, result = text.partition(": ")
-        yield Finding("ok", topic, result) if is_granted else Finding("note", topic, result, realtime_remedy(case))
+        if is_granted:
+            yield Finding("ok", topic, result)
+        elif topic == "scheduling" and f"LimitRTPRIO={LOOP_PRIORITY}" in _unit_of(case.user, case.tree):
+            yield Finding("note", topic, f"{result}; as the installed service it is", realtime_remedy(case))
+        else:
+            yield Finding(case.severity if topic == "scheduling" else "note", topic, result, realtime_remedy(case))
+
+
+def _unit_of(user: User, tree: Tree) -> list[str]:
+    """Return the lines of the installed unit; none if it is not this user's."""
+    lines = tree.text(UNIT).splitlines()
+    return lines if f"User={user.name}" in lines else []
 
 
 def measure_step_s(scenario: Scenario) -> float:

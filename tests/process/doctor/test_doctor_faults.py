@@ -71,11 +71,6 @@ def under_voltage(root: Path) -> None:
     plant(root, THROTTLED, "throttled=0x10001\n")
 
 
-def no_realtime(root: Path) -> None:
-    limits = (root / "proc/self/limits").read_text()
-    plant(root, "proc/self/limits", limits.replace("40                   40", "0                    0"))
-
-
 def no_realtime_share(root: Path) -> None:
     plant(root, "proc/sys/kernel/sched_rt_runtime_us", "0\n")
 
@@ -124,7 +119,6 @@ def test_a_healthy_board_has_no_problem(board: Path, capsys: pytest.CaptureFixtu
         (other_process, "port in use", "process 812, /usr/sbin/ModemManager", "kill 812"),
         (powersave, "governor", "powersave on 4 processors", "echo performance"),
         (under_voltage, "throttled", "now: the supply voltage is too low", "power supply"),
-        (no_realtime, "real time", "priority 0 is permitted, but the slave's loop needs 40", "board install"),
         (no_realtime_share, "real time", "sched_rt_runtime_us is 0", "sysctl"),
         (wrong_clock, "clock", "not synchronised", "timedatectl set-ntp true"),
         (taken_port, "network", "port 7447 is used by process 901, zenohd --listen", "--listen"),
@@ -176,7 +170,15 @@ def test_a_healthy_can_bus_is_no_problem(board: Path, capsys: pytest.CaptureFixt
 
 
 def test_without_a_scenario_nothing_is_a_problem(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for fault in (no_permission, kernel_console, other_process, powersave, under_voltage, no_realtime, wrong_clock):
+    for fault in (
+        no_permission,
+        kernel_console,
+        other_process,
+        powersave,
+        under_voltage,
+        no_realtime_share,
+        wrong_clock,
+    ):
         fault(board)
     plant(board, "etc/passwd", PASSWD)
     assert doctor.main(["--root", str(board), "--user", "nobody"]) == 0

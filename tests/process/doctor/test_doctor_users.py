@@ -2,6 +2,7 @@
 
 import os
 import pty
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,37 +11,14 @@ import pytest
 from boards.tree import Tree
 from hil.commands import doctor
 from hil.commands.board import service as board_service
+from hil.common.clock import LOOP_PRIORITY
 from hil.common.errors import ConfigError
-from hil.doctor import board as doctor_board
 from hil.doctor import links as doctor_links
 from hil.doctor import software as doctor_software
 from hil.doctor.findings import Account, Case, User, accounts
+from hil.install.units import UNIT
 from hil.scenario.config import Scenario, load_scenario
 from tests.support.boards.recorded import plant
-
-LIMITS = """\
-Limit                     Soft Limit           Hard Limit           Units
-Max locked memory         {locked:<20} 8388608              bytes
-Max realtime priority     {priority:<20} 0
-"""
-STATUS = "Name:\tcat\nCapEff:\t{:016x}\n"
-as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root may start a process as another user")
-
-
-class Runner(Tree):
-    """This machine, where starting a process as another user gives the output that the test sets."""
-
-    def __init__(self, output: str | None, files: dict[str, str] | None = None) -> None:
-        super().__init__("/")
-        self.output, self.files = output, files or {}
-        self.requested: list[tuple[str, ...]] = []
-
-    def text(self, name: str) -> str:
-        return self.files.get(name, "")
-
-    def run(self, *command: str) -> str | None:
-        self.requested.append(command)
-        return self.output
 
 
 def scenario(port: str = "pty:") -> Scenario:
@@ -48,59 +26,28 @@ def scenario(port: str = "pty:") -> Scenario:
     return plain._replace(link=plain.link._replace(port=port))
 
 
-@pytest.fixture
-def account(monkeypatch: pytest.MonkeyPatch) -> User:
-    """Return another user, for root."""
-    monkeypatch.setattr("os.getuid", lambda: 0)
-    monkeypatch.setattr("os.geteuid", lambda: 0)
-    return User("uuv", 4711, (4711,))
-
-
-@pytest.mark.parametrize(
-    ("priority", "locked", "capabilities", "levels"),
-    [
-        ("0", "8388608", 0, ["problem", "note"]),
-        ("40", "unlimited", 0, ["ok", "ok"]),
-        ("0", "8388608", 1 << 23 | 1 << 14, []),  # CAP_SYS_NICE, CAP_IPC_LOCK: limits do not matter
-    ],
-)
-def test_root_determines_the_limits_of_another_user(
-    account: User, priority: str, locked: str, capabilities: int, levels: list[str]
-) -> None:
-    """Root's own capabilities grant everything; those of the other's process count."""
-    tree = Runner(
-        LIMITS.format(priority=priority, locked=locked) + STATUS.format(capabilities),
-        {
-            "/proc/self/status": STATUS.format(~0 & 0xFFFFFFFF),
-            "/proc/self/limits": LIMITS.format(priority=99, locked=9),
-        },
-    )
-    found = list(doctor_board.check_realtime_limits(Case(tree, None, scenario(), account)))
-    assert [row.level for row in found] == levels
-    assert tree.requested == [("runuser", "-u", "uuv", "--", "cat", "/proc/self/limits", "/proc/self/status")]
-
-
-def test_without_root_the_limits_of_others_cannot_be_determined(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_root_the_scheduling_of_others_cannot_be_determined(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.getuid", lambda: 1000)
     monkeypatch.setattr("os.geteuid", lambda: 1000)
-    case = Case(Runner(None), None, scenario(), User("uuv", 4711, ()))
-    (found,) = doctor_board.check_realtime_limits(case)
-    assert (found.level, found.text) == ("note", "the limits of uuv cannot be determined")
+    (found,) = doctor_software.check_scheduling(Case(Tree("/"), None, scenario(), User("uuv", 4711, ())))
+    assert (found.level, found.text) == ("note", "that of uuv cannot be determined")
     assert found.remedy == "run the same command with sudo and --user uuv"
-    assert not list(doctor_software.check_scheduling(case))
 
 
-@as_root
-def test_the_limits_of_the_user_nobody_are_read(capsys: pytest.CaptureFixture[str]) -> None:
-    """The session is that of nobody, without root's capabilities."""
-    case = Case(Tree("/"), None, scenario(), doctor.find_user(Tree("/"), "nobody"))
-    (found, *_) = doctor_board.check_realtime_limits(case)
-    assert found.topic == "real time"
-    assert "is permitted, but the slave's loop needs 40" in found.text
-    assert (
-        "SCHED_FIFO"
-        in next(doctor_software.check_scheduling(case._replace(user=doctor.find_user(Tree("/"), None)))).text
-    )
+def test_a_unit_that_grants_real_time_is_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user's own processes have none; the installed service of that user, and of no other, has it."""
+    denied = '[[false, "scheduling: normal; SCHED_FIFO not permitted"], [false, "memory: not locked"]]'
+    done = subprocess.CompletedProcess([], 0, denied, "")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
+    case = Case(Tree(str(tmp_path)), None, scenario(), User("uuv", os.getuid(), ()))
+
+    def levels() -> list[str]:
+        return [f"{found.topic}: {found.level}" for found in doctor_software.check_scheduling(case)]
+
+    assert levels() == ["scheduling: problem", "memory: note"]
+    for user, level in (("other", "problem"), ("uuv", "note")):
+        plant(tmp_path, UNIT[1:], f"[Service]\nUser={user}\nLimitRTPRIO={LOOP_PRIORITY}\n")
+        assert levels() == [f"scheduling: {level}", "memory: note"]
 
 
 PASSWD = "odd\npi:x:1000:1000:,,,:/home/pi:/bin/bash\npilot:x:4242:many::\n"
