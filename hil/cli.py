@@ -148,7 +148,6 @@ EXTRAS = {
     "h5py": "raster",
     "laspy": "raster",
     "pymavlink": "mavlink",
-    "av": "video",
     "can": "can",
     "unicorn": "unicorn",
     "pyocd": "flash",

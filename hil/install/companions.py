@@ -13,7 +13,7 @@ from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest
 from hil.scenario.config import Scenario
-from hil.scenario.mavlink_records import Mavlink, parse_endpoint, rtp_target
+from hil.scenario.mavlink_records import Mavlink, parse_endpoint
 
 VARIABLE = re.compile(r"[A-Z][A-Z0-9_]*=.*")
 MAVLINK_USES: dict[str, Literal["tcp", "udp", "serial"]] = {"tcpin": "tcp", "udpin": "udp", "serial": "serial"}
@@ -136,8 +136,6 @@ def _addresses(name: str, options: argparse.Namespace, scenario: Scenario) -> li
         for text in options.endpoint or settings.endpoints:
             kind, target, port = parse_endpoint(text)
             found.append(Address(MAVLINK_USES.get(kind, "out"), target, port))
-        rtp = rtp_target(options.rtp or settings.rtp)
-        found += [Address("out", *rtp)] if rtp else []
     return found
 
 

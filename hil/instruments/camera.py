@@ -18,8 +18,7 @@ class NetworkCamera(Instrument):
     """A camera at `http://HOST:PORT/?action=stream` (MJPEG); `?action=snapshot` is one picture.
 
     Pictures have the rate, size and quality of the sensor and of `[ros] jpeg_quality`; it needs `[ros] images = "jpeg"`
-    or `"both"`. What a client does not read in time it misses. Not simulated: RTSP and H.264, for which the MAVLink
-    vehicle has a stream of its own.
+    or `"both"`. What a client does not read in time it misses. Not simulated: RTSP and H.264.
     """
 
     sensors = ("camera",)

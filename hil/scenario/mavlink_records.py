@@ -46,16 +46,6 @@ def device_and_baud(text: str, baud: int) -> tuple[str, int] | None:
     return None if ":" in text else (text, baud)
 
 
-def rtp_target(text: str) -> tuple[str, int] | None:
-    """Return host and UDP port of HOST:PORT; None for "". Raises ConfigError."""
-    if not text:
-        return None
-    place = host_and_port(text)
-    if place is None or not place[1]:
-        raise ConfigError(f"{text!r}: expected HOST:PORT of a ground station, such as 127.0.0.1:5600")
-    return place
-
-
 class Mavlink(NamedTuple):
     """MAVLink interface of the vehicle for ground stations and companion software, in a process beside the slave.
 
@@ -64,8 +54,7 @@ class Mavlink(NamedTuple):
     if an autopilot with that id flies the vehicle. Ground stations on other machines may only observe unless
     `commands_from` is "network". `signing_key`, a passphrase or 64 hexadecimal digits, signs all packets and refuses
     unsigned ones. `parameters` is the file of stored parameters (default: a file of this user for the node), `logs` the
-    folder that MAVFTP offers. `rtp` ("HOST:PORT") receives the picture of the camera that `camera` names, as H.264.
-    With `start` the slave starts this process; otherwise run `uuv-hil gateway mavlink`.
+    folder that MAVFTP offers. With `start` the slave starts this process; otherwise run `uuv-hil gateway mavlink`.
     """
 
     endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")
@@ -74,8 +63,6 @@ class Mavlink(NamedTuple):
     signing_key: str = ""
     parameters: str = ""
     logs: str = "recordings"
-    rtp: str = ""
-    camera: str = "camera"
     start: bool = True
 
     def validate(self) -> str | None:
@@ -85,8 +72,4 @@ class Mavlink(NamedTuple):
                 parse_endpoint(text)
         except ConfigError as error:
             return f"endpoints: {error}"
-        try:
-            rtp_target(self.rtp)
-        except ConfigError as error:
-            return f"rtp: {error}"
         return None if self.endpoints else "endpoints: none is given; name at least one"

@@ -46,6 +46,7 @@ def run(
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
         stack.callback(log.flush)
+        has_instruments = scenario.slave.instruments and any(each.instrument for each in scenario.sensors.values())
         imaging = _make_imaging(scenario, log.write_line)
         if imaging:
             scenario = imaging.scenario
@@ -77,7 +78,7 @@ def run(
             stack.callback(imaging.close)
         if scenario.mavlink and scenario.mavlink.start:
             stack.callback(_start_program(scenario, "gateway", "mavlink"))
-        if scenario.slave.instruments and any(fitted.instrument for fitted in scenario.sensors.values()):
+        if has_instruments:
             stack.callback(_start_program(scenario, "instruments"))
         with Health(loop, (receiver, ros), log, startup, notes, board, scenario.link, contacts, imaging):
             try:

@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("hil", "sim", "boards", "firmware_stub", "tools")
 # Modules whose `open` is of other things
-ELSEWHERE = {"os", "memory", "webbrowser", "zenoh", "rasterio", "laspy", "Image", "av"}
+ELSEWHERE = {"os", "memory", "webbrowser", "zenoh", "rasterio", "laspy", "Image"}
 PACKED = {"gzip", "lzma", "bz2"}  # binary by default
 MODES = {"open": 1, "fdopen": 1, "read_text": -1, "write_text": -1}  # function -> where its mode is, -1: no mode
 

@@ -2,21 +2,15 @@
 
 import argparse
 import os
-from collections.abc import Callable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
-from hil.client.client import Stamped, VehicleClient
+from hil.client.client import VehicleClient
 from hil.commands.listening import add_connect, add_take_over, network_of, presence, scenario_and_endpoints
 from hil.common.options import add_scenario, checked, integer, new_parser
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
-from hil.ros.topics import TOPICS, learn
 from hil.scenario.config import Scenario
-from hil.scenario.mavlink_records import Mavlink, parse_endpoint, rtp_target
-
-if TYPE_CHECKING:
-    from hil.gateways.mavlink.rtp import RtpVideo
+from hil.scenario.mavlink_records import Mavlink, parse_endpoint
 
 EXAMPLES = """\
 An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOST:PORT (several of them),
@@ -40,7 +34,7 @@ def main(arguments: list[str]) -> int:
     scenario, endpoints = scenario_and_endpoints(options)
     settings = _settings(options, scenario)
     network, security = network_of(scenario)
-    from hil.gateways.mavlink.assembly import camera_rate, defaults_of, motors_of, origin_of, parameter_file
+    from hil.gateways.mavlink.assembly import defaults_of, motors_of, origin_of, parameter_file
     from hil.gateways.mavlink.gateway import Gateway, open_link
     from hil.gateways.mavlink.parameter_table import ParameterTable
     from hil.gateways.mavlink.protocols.signing import SigningKey
@@ -51,16 +45,12 @@ def main(arguments: list[str]) -> int:
         links = [open_link(text, _print) for text in settings.endpoints]
         session = stack.enter_context(open_master_session(*endpoints, network=network, security=security))
         node = options.vehicle or (scenario.slave.node if scenario else "uuv1")
-        rtp = _open_rtp(stack, settings.rtp, camera_rate(scenario, settings.camera))
-        pictures = f"{settings.camera}/image_raw/compressed"
-        learn(pictures, TOPICS["camera/image_raw/compressed"].type)
         client = stack.enter_context(
             VehicleClient(
                 session, node, rank=int(options.take_over), network=network, security=security, report=_print,
-                on_sample=_shown_by(pictures, rtp), topics=("odom",),
+                topics=("odom",),
             )
         )  # fmt: skip
-        client.watch(*([pictures] if rtp else []))
         port = stack.enter_context(NetworkVehicle(client, _print))
         stored = settings.parameters or parameter_file(node)
         table = ParameterTable(stored, port.parameters, port.set_parameter, defaults_of(scenario))
@@ -99,13 +89,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--commands-from", choices=("localhost", "network"), help="machines that may command [localhost]"
     )
-    parser.add_argument(
-        "--rtp",
-        metavar="HOST:PORT",
-        type=checked(_rtp),
-        help="ground station that gets the camera's picture as H.264 in RTP, such as 127.0.0.1:5600 [none]",
-    )
-    parser.add_argument("--camera", metavar="NAME", help="camera of that picture [camera]")
     parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
     parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
     add_take_over(parser)
@@ -117,28 +100,6 @@ def _endpoint(text: str) -> str:
     return text
 
 
-def _rtp(text: str) -> str:
-    rtp_target(text)
-    return text
-
-
-def _open_rtp(stack: ExitStack, target: str, rate: float) -> "RtpVideo | None":
-    host_and_port = rtp_target(target)
-    if host_and_port is None:
-        return None
-    from hil.gateways.mavlink.rtp import RtpVideo
-
-    return stack.enter_context(RtpVideo(*host_and_port, rate))
-
-
-def _shown_by(pictures: str, rtp: "RtpVideo | None") -> Callable[[str, Stamped], None]:
-    def show(topic: str, stamped: Stamped) -> None:
-        if rtp and topic == pictures:
-            rtp.show(stamped.value.data)
-
-    return show
-
-
 def _settings(options: argparse.Namespace, scenario: Scenario | None) -> Mavlink:
     """Return the settings of the scenario, changed by options."""
     settings = (scenario.mavlink if scenario else None) or Mavlink()
@@ -146,8 +107,6 @@ def _settings(options: argparse.Namespace, scenario: Scenario | None) -> Mavlink
         "endpoints": tuple(options.endpoint) if options.endpoint else None,
         "system": options.system,
         "commands_from": options.commands_from,
-        "rtp": options.rtp,
-        "camera": options.camera,
         "logs": options.logs,
         "parameters": options.parameters,
     }

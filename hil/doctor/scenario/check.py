@@ -176,7 +176,7 @@ def _check_event_times(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _check_mavlink(scenario: Scenario) -> Iterator[Finding]:
-    """Find duplicate endpoints, and a video stream without a camera."""
+    """Find duplicate endpoints, and ports of the slave's own."""
     mavlink = scenario.mavlink
     if mavlink is None:
         return
@@ -190,8 +190,6 @@ def _check_mavlink(scenario: Scenario) -> Iterator[Finding]:
                 "problem",
                 f"mavlink: endpoints: {endpoint!r}: [slave] listen uses ports {port} and {port + 1}: use another port",
             )
-    if mavlink.rtp and mavlink.camera not in scenario.sensors:
-        yield Finding("warning", f"mavlink: rtp: there is no camera {mavlink.camera!r}: add [sensors.{mavlink.camera}]")
 
 
 def _check_link(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:

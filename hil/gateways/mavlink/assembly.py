@@ -1,6 +1,4 @@
-"""Settings of the gateway from a scenario: origin, camera, and parameters that suit the vehicle."""
-
-from typing import Any
+"""Settings of the gateway from a scenario: origin, motors, and parameters that suit the vehicle."""
 
 from hil.autopilots.frames import AUTO, CUSTOM, MotorMap, load_frame, map_motors
 from hil.common.errors import ConfigError
@@ -66,18 +64,3 @@ def _motors(scenario: Scenario) -> MotorMap:
         return map_motors(AUTO, vehicle)
     except ConfigError:  # no frame of ArduSub
         return map_motors(CUSTOM, vehicle)
-
-
-def camera_rate(scenario: Scenario | None, name: str = "camera") -> float:
-    """Return the rate (Hz) of the camera called `name`, 0 if not known.
-
-    Raises ConfigError for one that the scenario has not, unless it is the usual name.
-    """
-    fitted = scenario.sensors.get(name) if scenario else None
-    if fitted is None or fitted.sensor.topic != "camera":
-        if scenario and name != "camera":
-            there = [each for each, spec in scenario.sensors.items() if spec.sensor.topic == "camera"]
-            raise ConfigError(f"mavlink: camera: no camera {name!r}; there are: {', '.join(there) or 'none'}")
-        return 0.0
-    model: Any = fitted.model
-    return float(model.rate)

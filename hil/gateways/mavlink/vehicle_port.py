@@ -25,7 +25,6 @@ TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak",
 STALE_S = 1.0  # after which a vehicle whose position does not come counts as lost
 SLOW_STALE_S = 3.0  # the same for samples that come once a second
 DVL_REACH = 0.05, 200.0  # m: its messages do not state it
-ARM = "std_srvs/srv/SetBool"
 REFRESH_S = 5.0  # between two queries of the slave's sensors and parameters
 # A gain of the slave, gains.surge.p, is HIL_G_SURGE_P; ArduSub has some of them, too.
 AXES = {
@@ -131,7 +130,7 @@ class NetworkVehicle:
     def arm(self) -> None:
         """Let the slave take commands again, if it was disarmed; `refusal` shows when it does."""
         if self._client.diagnostics().armed is False:
-            self._do(lambda: call(self._client.session, f"/{self._client.node}/arm", ARM, {"data": True}))
+            self._do(self._call_arm)
 
     def set_accessory(self, name: str, share: float) -> None:
         """Move an accessory: "lights" (0 to 1), "camera_tilt" (-1 to 1, up) or "gripper" (-1 to 1, open).
@@ -178,6 +177,9 @@ class NetworkVehicle:
             return Echo(altimeter.distance, *altimeter.limits)
         altitude = self._newest("altitude", STALE_S)
         return Echo(altitude.distance, *DVL_REACH) if altitude else None
+
+    def _call_arm(self) -> None:
+        call(self._client.session, f"/{self._client.node}/arm", "std_srvs/srv/SetBool", {"data": True})
 
     def _do(self, job: Callable[[], None]) -> None:
         self._jobs.append(job)

@@ -101,7 +101,6 @@ SECURITY = "security={slave='no/slave', master='no/master', may_command=['master
         (["modem.slot=1"], "warning", "modem: has no effect: only a fleet"),
         (["mavlink.endpoints=['tcpin:127.0.0.1:7448']"], "problem", "listen uses ports 7447 and 7448"),
         (["mavlink.endpoints=['udpin:127.0.0.1:9', 'udpin:127.0.0.1:9']"], "problem", "is listed twice: remove one"),
-        (["mavlink.rtp=127.0.0.1:5600"], "warning", "mavlink: rtp: there is no camera 'camera'"),
         (["master.depth_margin=0"], "warning", "master: depth_margin: 0 m is less than the overshoot"),
         (["sensors.odometry.rate=1"], "warning", "sensors: odometry: rate: 1 Hz is too slow for the controller"),
         ([f"failure=[{', '.join(map(OFF.format, HORIZONTAL))}]"], "problem", "all horizontal thrusters fail at 0 s"),

@@ -12,7 +12,6 @@ from hil.gateways.mavlink.parameter_table import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols import ftp
 from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
 from hil.ros.joints import MotorState
-from hil.scenario.mavlink_records import Mavlink
 from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
@@ -243,14 +242,6 @@ def test_esc_reports_have_speed_and_current_where_known() -> None:
     telemetry = bench.partner.take_messages("ESC_TELEMETRY_1_TO_4")[0]
     assert (list(telemetry.rpm), list(telemetry.current)) == ([1910, 955, 0, 0], [325, 150, 0, 0])
     assert list(telemetry.voltage) == [0] * 4
-
-
-@pytest.mark.parametrize("text", ["5600", "host", "host:0", "host:70000", ":5600"])
-def test_a_wrong_video_target_is_reported(text: str) -> None:
-    words = Mavlink(rtp=text).validate()
-    assert words
-    assert repr(text) in words
-    assert Mavlink(rtp="192.168.2.1:5600").validate() is None
 
 
 def test_message_groups_and_single_messages_can_be_requested() -> None:
