@@ -11,7 +11,6 @@ from hil.autonomy.paths.curves import Curve, Position, polyline
 from hil.autonomy.paths.dubins import Pose
 from hil.autonomy.paths.spline import Spline
 from hil.autonomy.paths.trajectory import Limits, Trajectory
-from hil.autonomy.paths.waypoints import read_waypoints
 from hil.client import action as actions
 from hil.client import samples
 from hil.client.action import Action
@@ -105,7 +104,7 @@ class Vehicle(VehicleState):
 
     def follow(
         self,
-        path: "Sequence[Position] | Curve | Trajectory | str",
+        path: "Sequence[Position] | Curve | Trajectory",
         speed: float = 0.5,
         limits: Limits = Limits(),
         smooth: bool = False,
@@ -114,24 +113,22 @@ class Vehicle(VehicleState):
     ) -> Action:
         """Follow a path and stay at its end; done within `tolerance` m and rad of it.
 
-        `path` is one of: points (m, NED), followed from the present position on, with rounded corners if `smooth`; the
-        name of a waypoint file; a curve (hil.autonomy.paths: curves, spline, dubins); or a trajectory, which has its
-        own speed. Otherwise the speed is at most `speed` m/s, within `limits`. With a `lookahead` (m) points are
-        followed by pure pursuit; if `limits` have a turning radius, as for a vehicle with fins, by line of sight along
-        Dubins legs within their climb angle. Raises ConfigError, MissionError if the path breaks a limit.
+        `path` is one of: points (m, NED), followed from the present position on, with rounded corners if `smooth`; a
+        curve (hil.autonomy.paths: curves, spline, dubins); or a trajectory, which has its own speed. Otherwise the
+        speed is at most `speed` m/s, within `limits`. With a `lookahead` (m) points are followed by pure pursuit; if
+        `limits` have a turning radius, as for a vehicle with fins, by line of sight along Dubins legs within their
+        climb angle. Raises ConfigError, MissionError if the path breaks a limit.
         """
         if isinstance(path, Trajectory):
             return self._start_action(actions.run_trajectory(path, limits, tolerance))
-        if isinstance(path, str):
-            curve = read_waypoints(path)
-        elif isinstance(path, Sequence):
+        if isinstance(path, Sequence):
             points = self._points(path)
             if lookahead and limits.turn_radius:
                 start = Pose(self.state.position, self.state.heading)
                 return self._start_action(actions.follow_legs(points[1:], start, speed, limits, lookahead, tolerance))
             if lookahead:
                 return self._start_action(actions.pursue(points, speed, lookahead, tolerance))
-            curve = Spline(points) if smooth else polyline(points)
+            curve: Curve = Spline(points) if smooth else polyline(points)
         else:
             curve = path
         return self._start_action(actions.run_trajectory(Trajectory(curve, speed, limits), limits, tolerance))

@@ -5,14 +5,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.common.palette import SERIES, START
 from hil.plots.plotting import pyplot, save_figure
-from hil.plots.stl import read_stl
-from sim.rotations import from_euler, matrix
 from sim.vehicle.terminal_speed import AxisCapability
 from sim.vehicle.vehicle import Point, Vehicle
 
 if TYPE_CHECKING:
     from sim.vehicle.fins import Fin
-    from sim.vehicle.meshes import Mesh
 
 BODY, GRAVITY = "#e3e8ed", START
 BUOYANCY, ARROW, FIN, BALLAST = SERIES[:4]
@@ -57,8 +54,6 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
 
     wide, high = vehicle.dimensions[view.right[0]], vehicle.dimensions[view.up[0]]
     axes.add_patch(Rectangle((-wide / 2, -high / 2), wide, high, facecolor=BODY, edgecolor="0.55", zorder=0))
-    for mesh in vehicle.meshes:
-        _draw_mesh(axes, mesh, view)
     for fin in vehicle.fins:
         axes.add_patch(Polygon([view.flat(corner) for corner in _corners(fin)], facecolor=FIN, edgecolor=FIN, zorder=2))
     _draw_ballast(axes, vehicle, view)
@@ -81,34 +76,6 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
              xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))  # fmt: skip
     if view is VIEWS[0]:
         axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
-
-
-def _draw_mesh(axes: Any, mesh: "Mesh", view: View) -> None:
-    """Draw the silhouette of a mesh, or of the STL beside it; nothing if the file or the library is missing."""
-    from matplotlib.collections import PolyCollection
-
-    corners = _triangles(mesh.file)
-    if corners is None:
-        return
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(from_euler(*mesh.orientation))
-    turned = (corners * mesh.scale) @ [[xx, yx, zx], [xy, yy, zy], [xz, yz, zz]] + mesh.position
-    flat = turned[:, :, [view.right[0], view.up[0]]] * [view.right[1], view.up[1]]
-    axes.add_collection(PolyCollection(flat, facecolor="0.78", edgecolor="none", zorder=0.5), autolim=False)
-
-
-def _triangles(file: str) -> Any:
-    """Return the triangles of a mesh (n x 3 x 3), read by numpy (STL) or trimesh (other formats); None on failure."""
-    path = os.path.splitext(file)[0] + ".stl"
-    if os.path.exists(path):
-        return read_stl(path)
-    if not os.path.exists(file):
-        return None
-    try:
-        from sim.vehicle.mesh_files import load_mesh
-
-        return load_mesh(file).triangles
-    except Exception:  # noqa: BLE001 - no trimesh, or any error of its readers: no mesh
-        return None
 
 
 def _corners(fin: "Fin") -> list[Point]:

@@ -1,7 +1,7 @@
 """Natural cubic spline through given points."""
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import accumulate, pairwise
 from math import atan2, dist, hypot
 from typing import NamedTuple
@@ -9,17 +9,8 @@ from typing import NamedTuple
 from hil.autonomy.paths.curves import PathPoint, Position
 from hil.common.errors import MissionError
 
-# Gauss-Legendre quadrature on [-1, 1]: node and weight.
-_NODES = (
-    (0.0, 0.5688888888888889),
-    (-0.5384693101056831, 0.47862867049936647),
-    (0.5384693101056831, 0.47862867049936647),
-    (-0.9061798459386640, 0.23692688505618908),
-    (0.9061798459386640, 0.23692688505618908),
-)
-_PARTS = 4  # least number of parts between two points for measuring the length
-_PRECISION = 1e-9  # share of the distance between two points; parts are halved until their length is this precise
-_MAX_STEPS = 40  # enough for a bisection alone to find a place to 1e-12 of its part
+_PARTS = 64  # between two points, for measuring the length
+_STEPS = 3  # of the search for a place within a part
 _LEVEL = 1e-9  # horizontal share below which (vertical, or in a cusp) the turn of the heading is undefined
 
 
@@ -32,28 +23,48 @@ class Spline:
     """
 
     def __init__(self, points: Sequence[Position]) -> None:
-        chords = [dist(a, b) for a, b in pairwise(points)]
-        if not chords or min(chords) <= 0.0:
+        self._chords = [dist(a, b) for a, b in pairwise(points)]
+        if not self._chords or min(self._chords) <= 0.0:
             raise MissionError("a spline needs at least two points, each different from the one before")
-        axes = [_natural([point[axis] for point in points], chords) for axis in range(3)]
-        self._parts = [
-            part
-            for chord, *cubics in zip(chords, *axes, strict=True)
-            for number in range(_PARTS)
-            for part in _Part(cubics, chord * number / _PARTS, chord / _PARTS).split(_PRECISION * chord)
-        ]
-        self._begins = [0.0, *accumulate(part.measure(part.size) for part in self._parts)]
+        axes = [_natural([point[axis] for point in points], self._chords) for axis in range(3)]
+        self._spans = list(zip(*axes, strict=True))
+        self._begins = [0.0, *accumulate(self._measure(number, 1.0) for number in range(_PARTS * len(self._chords)))]
         self.length = self._begins[-1]
 
     def at(self, along: float) -> PathPoint:
         """Return the place at this distance (m) from the start, 0 to `length`."""
-        number = min(max(bisect_right(self._begins, along) - 1, 0), len(self._parts) - 1)
-        part = self._parts[number]
-        return part.point_at(part.find(along - self._begins[number], self._begins[number + 1] - self._begins[number]))
+        number = min(max(bisect_right(self._begins, along) - 1, 0), len(self._begins) - 2)
+        begin, end = self._begins[number : number + 2]
+        share = (along - begin) / (end - begin)
+        for _ in range(_STEPS):
+            slope = self._measure(number, share) / share if share else 0.0
+            share = min(1.0, (along - begin) / slope) if slope else share
+        cubics, t = self._locate(number + share)
+        position = tuple(cubic.value(t) for cubic in cubics)
+        north, east, down = (cubic.slope(t) for cubic in cubics)
+        bend_north, bend_east, _ = (cubic.bend(t) for cubic in cubics)
+        level, whole = hypot(north, east), hypot(north, east, down)
+        turn = (north * bend_east - east * bend_north) / (level * level * whole) if level > _LEVEL else 0.0
+        return PathPoint((position[0], position[1], position[2]), atan2(east, north), atan2(down, level), turn)
 
     def corners(self) -> list[float]:
         """Return an empty list: the direction is continuous."""
         return []
+
+    def _locate(self, part: float) -> "tuple[Sequence[_Cubic], float]":
+        """Return north, east and down as cubics, and their parameter, at a place counted in parts."""
+        span = min(int(part / _PARTS), len(self._spans) - 1)
+        return self._spans[span], self._chords[span] * (part / _PARTS - span)
+
+    def _measure(self, number: int, share: float) -> float:
+        """Return the length (m) of a part up to a share of its parameter, by Simpson's rule."""
+        first, middle, last = (self._speed(number + share * at) for at in (0.0, 0.5, 1.0))
+        return self._chords[number // _PARTS] / _PARTS * share * (first + 4.0 * middle + last) / 6.0
+
+    def _speed(self, part: float) -> float:
+        """Return the length (m) for each m of the parameter, at a place counted in parts."""
+        cubics, t = self._locate(part)
+        return hypot(*(cubic.slope(t) for cubic in cubics))
 
 
 class _Cubic(NamedTuple):
@@ -72,67 +83,6 @@ class _Cubic(NamedTuple):
 
     def bend(self, t: float) -> float:
         return 2.0 * self.c + 6.0 * t * self.d
-
-
-class _Part(NamedTuple):
-    """A part of the curve: north, east, down as cubics, from the parameter `begin` over `size`."""
-
-    cubics: Sequence[_Cubic]
-    begin: float
-    size: float
-
-    def speed(self, t: float) -> float:
-        return hypot(*(cubic.slope(self.begin + t) for cubic in self.cubics))
-
-    def measure(self, t: float) -> float:
-        """Return the length (m) up to the parameter `t` after the beginning."""
-        return 0.5 * t * sum(weight * self.speed(0.5 * t * (1.0 + node)) for node, weight in _NODES)
-
-    def split(self, precision: float) -> Iterator["_Part"]:
-        """Halve this part until the length of each piece is known to `precision` (m); yield the pieces in order.
-
-        Near a cusp the speed falls to 0 and rises again within a part. No single quadrature rule measures this: two
-        that agree may both be wrong. So the speed must not vary much within a piece, unless the piece is shorter than
-        the precision.
-        """
-        half = 0.5 * self.size
-        halves = [self._replace(size=half), self._replace(begin=self.begin + half, size=half)]
-        length = sum(piece.measure(half) for piece in halves)
-        speeds = [self.speed(half * (1.0 + node)) for node in (-1.0, *(node for node, _ in _NODES), 1.0)]
-        even = max(speeds) <= 2.0 * min(speeds) and abs(length - self.measure(self.size)) <= precision
-        if even or length <= precision:
-            yield self
-            return
-        for piece in halves:
-            yield from piece.split(precision)
-
-    def find(self, target_length: float, length: float) -> float:
-        """Return the parameter (after the beginning) at which this part, `length` m long, is `target_length` m long.
-
-        It uses Newton's method, which converges at once where the speed hardly changes. A step that leaves the bracket
-        of the solution, as near a cusp, is replaced by a bisection.
-        """
-        low, high = 0.0, self.size
-        t = self.size * target_length / length
-        for _ in range(_MAX_STEPS):
-            excess, speed = self.measure(t) - target_length, self.speed(t)
-            low, high = (low, t) if excess > 0.0 else (t, high)
-            following = t - excess / speed if speed else -1.0
-            if not low <= following <= high:
-                following = 0.5 * (low + high)
-            if abs(following - t) <= 1e-12 * self.size:
-                return following
-            t = following
-        return t
-
-    def point_at(self, t: float) -> PathPoint:
-        t += self.begin
-        position = tuple(cubic.value(t) for cubic in self.cubics)
-        north, east, down = (cubic.slope(t) for cubic in self.cubics)
-        bend_north, bend_east, _ = (cubic.bend(t) for cubic in self.cubics)
-        level, whole = hypot(north, east), hypot(north, east, down)
-        turn = (north * bend_east - east * bend_north) / (level * level * whole) if level > _LEVEL else 0.0
-        return PathPoint((position[0], position[1], position[2]), atan2(east, north), atan2(down, level), turn)
 
 
 def _natural(values: Sequence[float], chords: Sequence[float]) -> list[_Cubic]:

@@ -2,7 +2,6 @@
 
 import importlib
 import math
-import os
 from itertools import pairwise
 from typing import Any
 
@@ -14,8 +13,7 @@ from hil.autonomy.paths.curves import Chain, Curve, circle, helix, polyline, str
 from hil.autonomy.paths.dubins import Pose, dubins
 from hil.autonomy.paths.spline import Spline
 from hil.autonomy.paths.trajectory import Limits, Setpoint, Trajectory, track_setpoint
-from hil.autonomy.paths.waypoints import read_waypoints
-from hil.common.errors import ConfigError, MissionError
+from hil.common.errors import MissionError
 
 WIDE = Limits(speed=2.0, vertical_speed=2.0, yaw_rate=2.0, acceleration=0.3, lateral_acceleration=5.0)
 COORDINATES = st.floats(-20.0, 20.0)
@@ -254,31 +252,3 @@ def test_curves_just_within_turn_radius_and_climb_angle_are_allowed(name: str) -
     radius = 2.0 if name == "dubins" else 3.0
     trajectory = Trajectory(CURVES[name], 0.3, WIDE._replace(turn_radius=radius, climb_angle=0.3))
     assert trajectory.duration == Trajectory(CURVES[name], 0.3, WIDE).duration
-
-
-def test_a_waypoint_file_is_read(tmp_path: Any) -> None:
-    path = os.path.join(tmp_path, "way.toml")
-    text = "".join(f"[[waypoint]]\nnorth = {n}\neast = {e}\ndepth = {d}\n" for n, e, d in WAYPOINTS)
-    for smooth, length in (("", polyline(WAYPOINTS).length), ("smooth = true\n", Spline(WAYPOINTS).length)):
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(smooth + text)
-        assert read_waypoints(path).length == pytest.approx(length)
-    with open(path, "w", encoding="utf-8") as file:
-        file.write("[[waypoint]]\nnorth = 1.0\neast = 2.0\ndeep = 3.0\n")
-    with pytest.raises(ConfigError, match=r"way\.toml.*'deep'"):
-        read_waypoints(path)
-
-
-def write(path: str, text: str) -> str:
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(text)
-    return path
-
-
-def test_a_csv_waypoint_file_is_read(tmp_path: Any) -> None:
-    """The file has columns in any order, a comment, an empty line, a byte order mark and numbers with their unit."""
-    rows = "".join(f"{d} m, {n},{e}\n" for n, e, d in WAYPOINTS)
-    waypoints = read_waypoints(write(os.path.join(tmp_path, "way.csv"), f"\ufeffdepth,north, east\n# my way\n\n{rows}"))
-    assert waypoints.length == polyline(WAYPOINTS).length
-    assert waypoints.at(0.0).position == WAYPOINTS[0]
-    assert waypoints.at(waypoints.length).position == pytest.approx(WAYPOINTS[-1])

@@ -183,8 +183,7 @@ def test_pipes_devices_folders_and_oversized_files_are_refused(tmp_path: Path) -
     ("ending", "reader"),
     [
         ("urdf", "sim.vehicle.urdf.text:read_xml"), ("xacro", "sim.vehicle.urdf.text:read_xml"),
-        ("stl", "hil.plots.stl:read_stl"),
-        ("csv", "hil.autonomy.paths.waypoints:read_waypoints"), ("json", "hil.bench.record:load"),
+        ("json", "hil.bench.record:load"),
         ("yaml", "hil.autonomy.paths.occupancy:OccupancyGrid.read"),
     ],
 )  # fmt: skip

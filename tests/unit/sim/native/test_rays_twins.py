@@ -203,8 +203,8 @@ def test_bundles_of_rays_hit_a_mesh_like_single_rays() -> None:
         rotation, rays = matrix(attitude(rng)) if shot else UPRIGHT, rows_of_pixels((0.05, 0.5, 3.0)[shot % 3], 40, 16)
         together = scene.hits(origin, rays, 50.0, rotation)
         few = [scene.hits(origin, rays[i : i + 21], 50.0, rotation) for i in range(0, len(rays), 21)]
-        for numbers, parts in zip(together, zip(*few, strict=True), strict=True):
-            assert b"".join([part.tobytes() for part in parts]) == numbers.tobytes()
+        for name in together._fields:
+            assert b"".join([getattr(hits, name).tobytes() for hits in few]) == getattr(together, name).tobytes()
         hit += sum(number == 1 for number in together.objects)
     assert 1000 < hit < 19000
 
