@@ -5,20 +5,27 @@ import {clamp, wrap} from "./math.js";
 const LIGHT = "#9df3ff", MARK = "#f2b544", BOX = "rgba(4,24,36,.72)", NAMES = {0: "N", 45: "NE", 90: "E", 135: "SE", 180: "S", 225: "SW", 270: "W", 315: "NW"};
 
 // `see` has roll, pitch, heading (degrees), depth, speed, altitude, target, texts; `withLadder` draws the horizon.
-export function putHud(parts, width, height, see, withLadder) {
-  const small = width < 560 || height < 380, unit = small ? 11 : 13, wide = Math.min(width * 0.42, 460);
-  const middle = height * 0.5, half = Math.min(height * 0.24, 190), {depth, speed, altitude, target} = see;
-  parts.put("heading", [width / 2, width < 560 ? 186 : small ? 70 : 62], [-wide / 2 - 16, -3 * unit - 8, wide / 2 + 16, unit + 18], drawHeading, wide, see.heading, target?.heading, unit);
+// Below it, `lift` pixels are free for the touch sticks.
+export function putHud(parts, width, height, lift, see, withLadder) {
+  const narrow = width < 560, small = narrow || height < 380, unit = small ? 11 : 13, wide = Math.min(width * 0.42, 460), {depth, speed, altitude, target} = see;
+  const tape = narrow ? 186 : width < 800 ? 96 : 62, texts = inRows(see.texts.filter(Boolean), narrow ? 2 : 1);
+  const bottom = height - lift - texts.length * unit * 1.55 - 10, middle = narrow ? (tape + 30 + bottom) / 2 : height * 0.5;
+  const half = Math.min(height * 0.24, 190, narrow ? bottom - middle : Infinity);
+  parts.put("heading", [width / 2, tape], [-wide / 2 - 16, -3 * unit - 8, wide / 2 + 16, unit + 18], drawHeading, wide, see.heading, target?.heading, unit);
+  if (half < 30) return;
   if (withLadder) {
-    const reach = Math.min(half, width * 0.25), across = 1.25 * reach + 30;
+    const reach = Math.min(half, width * 0.18), across = 1.25 * reach + 30;
     parts.put("ladder", [width / 2, middle], [-across, -across, across, across], drawLadder, reach, see.roll, see.pitch, unit);
   }
   const scale = {half, unit}, room = 9 * unit;
   parts.put("depth", [width * (small ? 0.8 : 0.84), middle], [-room, -half - 2, room, half + 2], drawScale,
             {...scale, value: depth, step: depth > 100 ? 10 : 1, of: "m", mark: target?.depth, bed: altitude == null ? null : depth + altitude});
   parts.put("speed", [width * (small ? 0.2 : 0.16), middle], [-room, -half - 2, room, half + 2], drawScale, {...scale, value: speed, step: 0.2, of: "m/s", mark: target?.speed, isLeft: true});
-  const texts = see.texts.filter(Boolean);
-  parts.put("texts", [small ? 12 : Math.max(width * 0.11, 126), middle + half + (small ? 26 : 34)], [-2, -unit - 2, 24 * unit, texts.length * unit * 1.55], drawTexts, texts, unit);
+  parts.put("texts", [narrow ? 12 : Math.max(width * 0.11, 126), middle + half + (small ? 20 : 34)], [-2, -unit - 2, 30 * unit, texts.length * unit * 1.55], drawTexts, texts, unit);
+}
+
+function inRows(texts, columns) {
+  return texts.filter((_, k) => k % columns === 0).map((_, k) => texts.slice(k * columns, (k + 1) * columns).map(text => text.padEnd(24)).join(""));
 }
 
 function prepare(pen, unit) {
@@ -95,9 +102,9 @@ function drawScale(pen, {half, unit, value, step, of, mark, bed, isLeft}) {
   }
   if (bed != null && Math.abs(at(bed)) <= half) {
     pen.strokeStyle = pen.fillStyle = "#e0b877"; pen.lineWidth = 5;
-    pen.beginPath(); pen.moveTo(0, at(bed)); pen.lineTo(side * 32, at(bed)); pen.stroke();
+    pen.beginPath(); pen.moveTo(0, at(bed)); pen.lineTo(side * 28, at(bed)); pen.stroke();
     pen.lineWidth = 1.6;
-    pen.fillText("seabed", side * 38, at(bed) + unit * 0.35);
+    pen.fillText("seabed", side * 34, at(bed) + unit * 0.35);
   }
   if (mark != null) {
     pen.strokeStyle = MARK; pen.lineWidth = 3;

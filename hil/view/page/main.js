@@ -110,12 +110,13 @@ function showPanels() {
 
 function hud() {
   const box = at("hud"), {clientWidth: width, clientHeight: height} = box, see = reading(), isScene = layout.main === "scene";
-  if (isScene && scene) putOverlay(parts, width, height, scene, {waypoints: state.waypoints, target: panel().target?.places || [],
+  const stick = at("leftstick").offsetHeight, lift = stick && stick + 16;
+  if (isScene && scene) putOverlay(parts, width, height, lift, scene, {waypoints: state.waypoints, target: panel().target?.places || [],
                                                                  live: name => name !== chosen() || panel().present !== false});
   const isEye = isScene ? scene?.camera.mode === "eye" : !layout.isSonar();
   const isOn = Boolean(see && layout.layers.hud && !(isScene && !isEye && width < 560));
   box.classList.toggle("on", isOn && !isScene && isEye);
-  if (isOn) putHud(parts, width, height, see, isEye);
+  if (isOn) putHud(parts, width, height, lift, see, isEye);
   parts.sweep();
 }
 

@@ -5,7 +5,7 @@ import {number} from "./format.js";
 
 const INK = "#e9f7fb", SHADE = "rgba(3,20,30,.55)", FONT = "12px system-ui, sans-serif";
 
-export function putOverlay(parts, width, height, scene, {waypoints, target, live}) {
+export function putOverlay(parts, width, height, lift, scene, {waypoints, target, live}) {
   if (!scene.camera.view) return;
   const spot = ned => {
     const at = scene.camera.project(toScene(ned, scene.origin));
@@ -17,14 +17,14 @@ export function putOverlay(parts, width, height, scene, {waypoints, target, live
       const at = spot(place);
       if (at) parts.put(`${kind}/${n}`, at, [-10, -10, 44, 10], drawDiamond, kind === "goal" ? kind : String(n + 1), list === waypoints ? "#f2b544" : "#6ee7a8");
     });
-  parts.put("north", [width - 36, 96], [-36, -36, 36, 36], drawNorth, angleOfNorth(scene, width, height));
+  parts.put("north", [width - 36, width < 560 ? 176 : width < 800 ? 112 : 96], [-36, -36, 36, 36], drawNorth, angleOfNorth(scene, width, height));
   if (scene.camera.mode === "eye") return;
   const metre = scene.camera.pixelScale * height / scene.camera.range, step = niceStep(130 / metre, 1);
   const size = [step, step / 2, step / 5].find(each => each * metre <= 150) || step / 10, text = size >= 1000 ? `${size / 1000} km` : `${Number(size.toPrecision(2))} m`;
-  parts.put("scale", [width - 24, height - 20], [-154, -22, 2, 2], drawScale, Math.round(size * metre), text);
+  parts.put("scale", [width - 24, height - 20 - lift], [-154, -22, 2, 2], drawScale, Math.round(size * metre), text);
   const world = scene.world?.world, tall = Math.min(200, height * 0.35);
-  if (world && scene.show.depths && width > 560 && world.deepest - world.least >= 0.05)
-    parts.put("depths", [18, height - tall - 24], [-8, -26, 84, tall + 12], drawDepths, world.least, world.deepest, world.contour, tall);
+  if (world && scene.show.depths && width > 640 && world.deepest - world.least >= 0.05)
+    parts.put("depths", [18, height - tall - 24 - lift], [-8, -26, 98, tall + 12], drawDepths, world.least, world.deepest, world.contour, tall);
 }
 
 function putNames(parts, scene, spot, live) {
@@ -91,7 +91,7 @@ function drawDepths(pen, least, deepest, contour, tall) {
   const fill = pen.createLinearGradient(0, 0, 0, tall);
   DEPTH_STOPS.forEach((colour, k) => fill.addColorStop(k / (DEPTH_STOPS.length - 1), colour));
   pen.font = FONT; pen.fillStyle = SHADE;
-  pen.beginPath(); pen.roundRect(-8, -26, 92, tall + 38, 6); pen.fill();
+  pen.beginPath(); pen.roundRect(-8, -26, 106, tall + 38, 6); pen.fill();
   pen.fillStyle = fill;
   pen.fillRect(0, 0, 12, tall);
   pen.fillStyle = INK;

@@ -45,7 +45,7 @@ function showCompass({heading, target}) {
         fill: degree ? "currentColor" : "var(--bad)"}, {0: "N", 90: "E", 180: "S", 270: "W"}[degree] || degree));
     }
     ring.append(svg("path", {id: "bug", d: "M-6 -58h12l-6 9z", fill: "var(--warn)"}));
-    card.append(ring, svg("path", {d: "M0 -44l6 12h-12z", fill: "var(--accent)"}), svg("path", {d: "M0 -22L8 14L0 8L-8 14Z", fill: "var(--accent)", opacity: 0.8}));
+    card.append(ring, svg("path", {d: "M0 -51l-5 -9h10z", fill: "var(--accent)"}), svg("path", {d: "M0 -22L8 14L0 8L-8 14Z", fill: "var(--accent)", opacity: 0.8}));
   }
   at("card").setAttribute("transform", `rotate(${-heading})`);
   at("bug").style.display = target?.heading == null ? "none" : "";
@@ -65,10 +65,10 @@ export function showThrusters(file, thrusts, pwm, failures) {
   list.forEach((thruster, k) => {
     const [x, y] = spot(thruster.position), thrust = thrusts[k] || 0, share = Math.min(1, Math.abs(thrust) / thruster.most), failed = failures[thruster.name];
     const [dx, dy] = [thruster.direction[1], -thruster.direction[0]], isUpright = Math.hypot(dx, dy) < 0.5, colour = failed ? "var(--bad)" : "var(--accent)";
-    if (isUpright) parts.push(svg("circle", {cx: x, cy: y, r: 9, fill: "none", stroke: failed ? colour : "var(--line)", "stroke-width": 2}), svg("circle", {cx: x, cy: y, r: 9 * Math.sqrt(share), fill: colour}));
+    if (isUpright) parts.push(svg("circle", {cx: x, cy: y, r: 9, fill: "none", stroke: failed ? colour : "var(--dim)", "stroke-width": 2}), svg("circle", {cx: x, cy: y, r: 9 * Math.sqrt(share), fill: colour}));
     else {
       const turn = Math.atan2(dx, -dy) * 57.2958, size = 22 * share * Math.sign(thrust);
-      parts.push(svg("rect", {x: -4, y: -11, width: 8, height: 22, rx: 3, fill: "none", stroke: failed ? colour : "var(--line)", "stroke-width": 2, transform: `translate(${x} ${y}) rotate(${turn})`}),
+      parts.push(svg("rect", {x: -4, y: -11, width: 8, height: 22, rx: 3, fill: "none", stroke: failed ? colour : "var(--dim)", "stroke-width": 2, transform: `translate(${x} ${y}) rotate(${turn})`}),
                  svg("rect", {x: -4, y: size > 0 ? -size : 0, width: 8, height: Math.abs(size), rx: 2, fill: colour, transform: `translate(${x} ${y}) rotate(${turn})`}));
     }
     // Numbers stand outside of the hull: beside it, or ahead and astern of it, away from those of the neighbours.

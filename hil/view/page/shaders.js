@@ -18,7 +18,7 @@ vec3 throughWater(vec3 lit, vec3 at, vec3 day) {
 vec3 lampLight(vec3 at, vec3 normal) {
   if (uLamp == 0.0) return vec3(0.0);
   vec3 ray = at - uLampAt;
-  float away = length(ray), cone = smoothstep(0.72, 0.93, dot(ray, uLampAlong) / max(away, 1e-3));
+  float away = length(ray), cone = 0.12 + 0.88 * smoothstep(0.72, 0.93, dot(ray, uLampAlong) / max(away, 1e-3));
   float facing = 0.25 + 0.75 * max(dot(normal, -ray) / max(away, 1e-3), 0.0);
   return uLamp * cone * facing / (1.0 + 0.35 * away * away) * exp(-uAttenuation * away);
 }
@@ -26,6 +26,7 @@ vec3 lit(vec3 albedo, vec3 normal, vec3 at, vec3 day) {
   float sun = 0.4 + 0.6 * max(dot(normal, vec3(0.36, 0.84, 0.4)), 0.0);
   return albedo * (day * sun + lampLight(at, normal));
 }
+vec3 endless(float up) { return uVeil * uEyeLight * (1.0 + 0.55 * up + 0.25 * up * abs(up)); }
 vec3 exposed(vec3 colour) { return sqrt(1.0 - exp(-colour * uExposure)); }
 `;
 
@@ -108,7 +109,8 @@ void main() {
   vec3 ray = normalize(vAt - uEye);
   float up = ray.y + 0.35 * wave.x;
   vec3 colour = mix(uVeil * 1.2, vec3(0.75, 0.9, 1.0), smoothstep(0.55, 0.8, up)) + 0.1 * max(wave.y, 0.0);
-  outColour = vec4(exposed(throughWater(colour, vAt, vec3(1.0))), 1.0);
+  vec3 left = exp(-uAttenuation * distance(vAt, uEye) * uFog) * smoothstep(0.0, 0.05, ray.y);  // without an edge far away
+  outColour = vec4(exposed(mix(endless(ray.y), colour, left)), 1.0);
 }`];
 
 // Behind everything: water without end, brighter upwards.
@@ -123,9 +125,7 @@ void main() {
 in vec3 vRay;
 out vec4 outColour;
 void main() {
-  float up = normalize(vRay).y;
-  vec3 water = uVeil * uEyeLight * (1.0 + 0.55 * up + 0.25 * up * abs(up));
-  outColour = vec4(exposed(water), 1.0);
+  outColour = vec4(exposed(endless(normalize(vRay).y)), 1.0);
 }`];
 
 // Lines of a width in pixels: a quad for each piece from a to b.

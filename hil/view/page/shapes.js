@@ -113,10 +113,18 @@ function duct(shape, {position, direction, diameter}) {
   }
 }
 
+function meshes(shape, corners) {  // what is foremost marks the bow
+  let [back, front] = [Infinity, -Infinity];
+  for (const [x] of corners) { back = Math.min(back, x); front = Math.max(front, x); }
+  for (let n = 0; n + 2 < corners.length; n += 3) {
+    const three = corners.slice(n, n + 3), isBow = three.every(([x]) => x > front - 0.07 * (front - back));
+    shape.triangle(...three, isBow ? BOW : YELLOW);
+  }
+}
+
 export function vehicleShape(vehicle) {
   const shape = new Shape();
-  if (vehicle.meshes?.length) for (const corners of vehicle.meshes)
-    for (let n = 0; n + 2 < corners.length; n += 3) shape.triangle(corners[n], corners[n + 1], corners[n + 2], YELLOW);
+  if (vehicle.meshes?.length) meshes(shape, vehicle.meshes.flat());
   else if (vehicle.kind === "torpedo") torpedo(shape, vehicle.dimensions);
   else frame(shape, vehicle.dimensions, vehicle.boxes || []);
   for (const each of vehicle.fins || []) fin(shape, each);

@@ -115,3 +115,26 @@ def test_simulated_time_is_paused_stepped_and_sped_up(tmp_path: Path) -> None:
     found = re.search(r"after ([0-9.]+) s simulated", sim.output)
     assert found, sim.output
     assert took < float(found[1]) - paused, "it is not faster than real time"
+
+
+def test_touch_sticks_steer_on_a_phone(tmp_path: Path) -> None:
+    """One thumb pushes ahead, another to starboard; the vehicle stops when both are lifted."""
+    with viewed_slave(tmp_path) as (page, vehicle, _):
+        page.page.set_viewport_size({"width": 390, "height": 700})
+        page.wait_until_ready()
+        touch = page.page.context.new_cdp_session(page.page)
+        thumbs: list[dict[str, float]] = []
+        for number, stick, x, y in ((1, "left", 0, -40), (2, "right", 40, 0)):
+            box = page.page.locator(f"#{stick}stick").bounding_box()
+            thumbs.append({"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2, "id": number})
+            touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": thumbs})
+            thumbs[-1] |= {"x": thumbs[-1]["x"] + x, "y": thumbs[-1]["y"] + y}
+            touch.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": thumbs})
+
+        def is_moved() -> bool:
+            north, east = np.subtract(vehicle.ground_truth.position[:2], (4.0, 4.0))  # heading north
+            return bool(north > 0.3 and east > 0.3)
+
+        assert page.wait_until(is_moved), "the thumbs do not move the vehicle"
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on with the thumbs lifted"
