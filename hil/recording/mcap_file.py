@@ -1,15 +1,8 @@
-"""Write an MCAP file that is valid after every flush, also when power is lost.
-
-An MCAP file ends with an index, so a file whose writer was killed has no end, and most readers refuse it. Here each
-flush also writes the shortest valid end, "no index" in 50 bytes, in the same system call. The next flush overwrites
-it, and only `close` writes the index. Schemas are "ros2msg" and messages "cdr", as in recordings of rosbag2.
-"""
+"""What is in a file of a recording: its messages, topics of its own, and types and QoS as in recordings of rosbag2."""
 
 from typing import NamedTuple
 
-from hil.common import __version__
 from hil.common.errors import ConfigError
-from hil.recording.mcap_writer import SHORTEST_END, McapWriter, Stream
 from hil.ros.topics import TOPICS, Qos, Topic
 
 # Only in recordings: the number of a step, and the pulses (us, one per channel) from that step on.
@@ -51,71 +44,6 @@ class FileSummary(NamedTuple):
     first_ns: int
     last_ns: int
     topics: tuple[TopicCount, ...]
-
-
-class RecordingFile:
-    """Writes messages to a new file at `path`, with `about` and `attachments` (name -> text) at its beginning.
-
-    `compression` is "zstd", "lz4" or "none". Raises MissingExtraError, and OSError as `open` does.
-    """
-
-    def __init__(self, path: str, about: dict[str, str], attachments: dict[str, str], compression: str) -> None:
-        self.path = path
-        self._stream = Stream(path)
-        self._writer = McapWriter(self._stream, f"uuv-hil {__version__}", compression)
-        self._writer.add_metadata("uuv_hil", about)
-        for name, text in attachments.items():
-            self._writer.add_attachment(name, "application/toml", text.encode())
-        self._stream.commit(SHORTEST_END)
-
-    @property
-    def size(self) -> int:
-        """Number of bytes so far, without the unfinished chunk."""
-        return self._stream.total
-
-    @property
-    def topics(self) -> int:
-        """Number of topics so far."""
-        return len(self._writer.channels)
-
-    def write(self, message: Message) -> None:
-        """Add a message. It is on disk after the next `flush`."""
-        topic, kind, sequence, published_ns, logged_ns, data = message
-        channel = self._writer.channels.get(topic)
-        if channel is None:
-            about = {"offered_qos_profiles": qos_profile(topic)}
-            channel = self._writer.add_channel(topic, kind, schema_of(kind), about)
-        self._writer.add_message(channel, sequence, published_ns, logged_ns, data)
-
-    def add_topic(self, topic: str, kind: str, schema: tuple[str, bytes], encoding: str) -> None:
-        """Add a topic whose messages are not in CDR, before its first message."""
-        self._writer.add_channel(topic, kind, schema, {}, encoding)
-
-    def flush(self) -> None:
-        """Write all messages to disk, and wait until they are there. Raises OSError; the file stays valid."""
-        self._writer.end_chunk()
-        self._stream.commit(SHORTEST_END)
-        self._stream.sync()
-
-    def close(self) -> FileSummary:
-        """Write the index and close. If it raises OSError, the file is closed, and valid up to the last flush."""
-        try:
-            self._writer.finish()
-            self._stream.commit(b"")
-            self._stream.sync()
-        finally:
-            self._stream.close()
-        return self.summary()
-
-    def abandon(self) -> None:
-        """Close without an index, as the last flush left it."""
-        self._stream.close()
-
-    def summary(self) -> FileSummary:
-        """Return the summary of the file so far."""
-        writer = self._writer
-        topics = tuple([TopicCount(each.topic, each.type, each.count) for each in writer.channels.values()])
-        return FileSummary(self.path, self._stream.size, writer.first_ns, writer.last_ns, topics)
 
 
 def schema_of(kind: str) -> tuple[str, bytes]:

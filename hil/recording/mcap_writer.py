@@ -1,16 +1,22 @@
-"""Write MCAP (https://mcap.dev/spec) in a third of the time that its library takes.
+"""Write a file of MCAP (https://mcap.dev/spec) that is valid after every flush, also when power is lost.
 
-This module packs the messages into chunks, which is done thousands of times a second. The library writes every other
-record.
+An MCAP file ends with an index, so a file whose writer was killed has no end, and most readers refuse it. Here each
+flush also writes the shortest valid end, "no index" in 50 bytes, in the same system call. The next flush overwrites
+it, and only `close` writes the index.
+
+This module packs the messages into chunks, which is done thousands of times a second, in a third of the time that the
+library takes. That writes every other record.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from struct import Struct, pack
 from typing import Any
 from zlib import crc32
 
+from hil.common import __version__
 from hil.common.errors import MissingExtraError
+from hil.recording.mcap_file import FileSummary, Message, TopicCount, qos_profile, schema_of
 
 CHUNK = 65536  # bytes before compression; a flush ends the current chunk early
 MAGIC = b"\x89MCAP0\r\n"
@@ -43,10 +49,6 @@ class Stream:
         """Append bytes."""
         self._pending += data
         self.total += len(data)
-
-    def tell(self) -> int:
-        """Return the number of bytes so far."""
-        return self.total
 
     def read(self, at: int, size: int) -> bytes:
         """Return up to `size` bytes of what is in the file, from the offset `at` on. Raises OSError."""
@@ -96,59 +98,63 @@ class Channel:
         self.entries: list[int] = []
 
 
-class McapWriter:
-    """Writes one file to `output`; `compression` is "zstd", "lz4" or "none". Raises MissingExtraError.
+class RecordingFile:
+    """Writes messages to a new file at `path`, with `about` and `attachments` (name -> text) at its beginning.
 
-    `first_ns` and `last_ns` are the log times of the first and last message, 0 before there is one.
+    `compression` is "zstd", "lz4" or "none". Raises MissingExtraError, and OSError as `open` does.
     """
 
-    def __init__(self, output: Stream, library: str, compression: str) -> None:
+    def __init__(self, path: str, about: dict[str, str], attachments: dict[str, str], compression: str) -> None:
         require_library()
         from mcap import records
         from mcap.data_stream import RecordBuilder
 
+        self.path = path
         self._records: Any = records
         self._new_builder: Any = RecordBuilder
-        self._output = output
         self._compression = "" if compression == "none" else compression
         self._compress = _compressor(compression)
+        self._stream = Stream(path)
         self._chunk = bytearray()
         self._chunk_channels: list[Channel] = []  # the channels with messages in the chunk
         self._chunks = 0
-        self._other_indexes: list[Any] = []
+        self._attachments: list[Any] = []  # indexes of them
         self._schemas: dict[str, Any] = {}
-        self.channels: dict[str, Channel] = {}
+        self._channels: dict[str, Channel] = {}
         self._channel_records: list[Any] = []
-        self.first_ns = self.last_ns = 0
-        output.write(MAGIC)
-        self._write(self._records.Header(profile="ros2", library=library))
-
-    def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Write `values` as a metadata record. Call it before the first message."""
-        at = self._output.tell()
-        length = self._write(self._records.Metadata(name=name, metadata=values))
-        self._other_indexes.append(self._records.MetadataIndex(offset=at, length=length, name=name))
-
-    def add_attachment(self, name: str, kind: str, data: bytes) -> None:
-        """Add a file of the media type `kind`. Call it before the first message."""
-        at = self._output.tell()
-        length = self._write(self._records.Attachment(0, 0, name, kind, data))
-        self._other_indexes.append(
-            self._records.AttachmentIndex(
+        self._first_ns = self._last_ns = 0  # log times of the first and last message, 0 before there is one
+        self._stream.write(MAGIC)
+        self._write(records.Header(profile="ros2", library=f"uuv-hil {__version__}"))
+        at = self._stream.total
+        length = self._write(records.Metadata(name="uuv_hil", metadata=about))
+        self._metadata = records.MetadataIndex(offset=at, length=length, name="uuv_hil")
+        for name, text in attachments.items():
+            at, data, kind = self._stream.total, text.encode(), "application/toml"
+            length = self._write(records.Attachment(0, 0, name, kind, data))
+            index = records.AttachmentIndex(
                 offset=at, length=length, log_time=0, create_time=0, data_size=len(data), name=name, media_type=kind
             )
-        )
+            self._attachments.append(index)
+        self._stream.commit(SHORTEST_END)
 
-    def add_channel(
-        self, topic: str, kind: str, schema: tuple[str, bytes], about: dict[str, str], encoding: str = "cdr"
-    ) -> Channel:
+    @property
+    def size(self) -> int:
+        """Number of bytes so far, without the unfinished chunk."""
+        return self._stream.total
+
+    @property
+    def topics(self) -> int:
+        """Number of topics so far."""
+        return len(self._channels)
+
+    def add_topic(self, topic: str, kind: str, schema: tuple[str, bytes], encoding: str, **about: str) -> Channel:
         """Add and return a topic whose messages have `encoding`; `schema` is encoding and text of its definition."""
         records = self._records
         if kind not in self._schemas:
             language, data = schema
             self._schemas[kind] = records.Schema(id=len(self._schemas) + 1, data=data, encoding=language, name=kind)
             self._chunk += self._bytes(self._schemas[kind])
-        channel = self.channels[topic] = Channel(len(self.channels) + 1, topic, kind)
+        channel = self._channels[topic] = Channel(len(self._channels) + 1, topic, kind)
         record = records.Channel(
             id=channel.number, topic=topic, message_encoding=encoding, metadata=about, schema_id=self._schemas[kind].id
         )
@@ -156,8 +162,12 @@ class McapWriter:
         self._chunk += self._bytes(record)
         return channel
 
-    def add_message(self, channel: Channel, sequence: int, published_ns: int, logged_ns: int, data: bytes) -> None:
-        """Add a message; it is in the file once its chunk is full or ended. A time before 1970 is stored as 0."""
+    def write(self, message: Message) -> None:
+        """Add a message. It is on disk after the next `flush`. A time before 1970 is stored as 0."""
+        topic, kind, sequence, published_ns, logged_ns, data = message
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self.add_topic(topic, kind, schema_of(kind), "cdr", offered_qos_profiles=qos_profile(topic))
         chunk, entries = self._chunk, channel.entries
         if not entries:
             self._chunk_channels.append(channel)
@@ -167,9 +177,34 @@ class McapWriter:
         )
         chunk += data
         if len(chunk) > CHUNK:
-            self.end_chunk()
+            self._end_chunk()
 
-    def end_chunk(self) -> None:
+    def flush(self) -> None:
+        """Write all messages to disk, and wait until they are there. Raises OSError; the file stays valid."""
+        self._end_chunk()
+        self._stream.commit(SHORTEST_END)
+        self._stream.sync()
+
+    def close(self) -> FileSummary:
+        """Write the index and close. If it raises OSError, the file is closed, and valid up to the last flush."""
+        try:
+            self._finish()
+            self._stream.commit(b"")
+            self._stream.sync()
+        finally:
+            self._stream.close()
+        return self.summary()
+
+    def abandon(self) -> None:
+        """Close without an index, as the last flush left it."""
+        self._stream.close()
+
+    def summary(self) -> FileSummary:
+        """Return the summary of the file so far."""
+        topics = tuple([TopicCount(each.topic, each.type, each.count) for each in self._channels.values()])
+        return FileSummary(self.path, self._stream.size, self._first_ns, self._last_ns, topics)
+
+    def _end_chunk(self) -> None:
         """Write the open chunk to the file, if there is a message in it."""
         if not self._chunk_channels:
             return
@@ -188,22 +223,22 @@ class McapWriter:
         )
         self._write_message_indexes()
         self._chunks += 1
-        self.first_ns = min(self.first_ns or first, first)
-        self.last_ns = max(self.last_ns, last)
+        self._first_ns = min(self._first_ns or first, first)
+        self._last_ns = max(self._last_ns, last)
         self._chunk.clear()
 
-    def finish(self) -> None:
+    def _finish(self) -> None:
         """End the last chunk, and write the index and the end."""
-        self.end_chunk()
-        self._output.commit(SHORTEST_END)
-        data_end = self._output.tell()
+        self._end_chunk()
+        self._stream.commit(SHORTEST_END)
+        data_end = self._stream.total
         self._write(self._records.DataEnd(data_section_crc=0))
-        start = self._output.tell()
+        start = self._stream.total
         indexes = self._chunk_indexes(data_end)
         groups = (self._schemas.values(), self._channel_records, [self._statistics()], indexes)
         summary = bytearray()
         offsets = bytearray()
-        for group in (*groups, *self._others()):
+        for group in (*groups, self._attachments, [self._metadata]):
             at = start + len(summary)
             data = b"".join([self._bytes(record) for record in group])
             summary += data
@@ -212,9 +247,9 @@ class McapWriter:
         offset_start = start + len(summary)
         summary += offsets
         checksum = crc32(pack("<BQQQ", 0x02, 20, start, offset_start), crc32(summary))
-        self._output.write(bytes(summary))
+        self._stream.write(bytes(summary))
         self._write(self._records.Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=checksum))
-        self._output.write(MAGIC)
+        self._stream.write(MAGIC)
 
     def _write_message_indexes(self) -> None:
         """Write the index of each channel's messages in the chunk that was written."""
@@ -225,7 +260,7 @@ class McapWriter:
             indexes += pack(f"<{len(entries)}Q", *entries)
             channel.count += len(entries) // 2
             entries.clear()
-        self._output.write(bytes(indexes))
+        self._stream.write(bytes(indexes))
         self._chunk_channels.clear()
 
     def _chunk_indexes(self, end: int) -> Iterator[Any]:
@@ -233,7 +268,7 @@ class McapWriter:
 
         In memory the indexes of an hour would take 20 MiB.
         """
-        read, at, index = _windows(self._output.read), len(MAGIC), None
+        read, at, index = _windows(self._stream.read), len(MAGIC), None
         head_size = _CHUNK_HEAD.size + len(self._compression)
         while at < end:
             opcode, length = _RECORD.unpack(read(at, _RECORD.size))
@@ -260,22 +295,17 @@ class McapWriter:
         if index:
             yield index
 
-    def _others(self) -> Iterable[list[Any]]:
-        kinds = self._records.AttachmentIndex, self._records.MetadataIndex
-        return [[record for record in self._other_indexes if isinstance(record, kind)] for kind in kinds]
-
     def _statistics(self) -> Any:
-        counts = {channel.number: channel.count for channel in self.channels.values()}
-        attachments, metadata = self._others()
+        counts = {channel.number: channel.count for channel in self._channels.values()}
         return self._records.Statistics(
-            attachment_count=len(attachments), metadata_count=len(metadata), schema_count=len(self._schemas),
+            attachment_count=len(self._attachments), metadata_count=1, schema_count=len(self._schemas),
             channel_count=len(counts), channel_message_counts=counts, chunk_count=self._chunks,
-            message_count=sum(counts.values()), message_start_time=self.first_ns, message_end_time=self.last_ns,
+            message_count=sum(counts.values()), message_start_time=self._first_ns, message_end_time=self._last_ns,
         )  # fmt: skip
 
     def _write(self, record: Any) -> int:
         data = self._bytes(record)
-        self._output.write(data)
+        self._stream.write(data)
         return len(data)
 
     def _bytes(self, record: Any) -> bytes:

@@ -20,8 +20,8 @@ from hil.common.clock import NEVER_NS, NS_PER_S, boot_id, now_ns, to_wall_ns
 from hil.common.errors import ConfigError
 from hil.common.schema import find_preset
 from hil.recording.index import write_index
-from hil.recording.mcap_file import CLOCK_SHIFT, FileSummary, Message, RecordingFile
-from hil.recording.mcap_writer import require_library
+from hil.recording.mcap_file import CLOCK_SHIFT, FileSummary, Message
+from hil.recording.mcap_writer import RecordingFile, require_library
 from hil.ros.encoders import encode_int64_array
 from hil.scenario.config import Scenario
 from hil.scenario.records import Recording

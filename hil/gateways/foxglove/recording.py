@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 from hil.common.errors import ConfigError
 from hil.gateways.foxglove.scene import encode_scene, scene_channel
-from hil.recording.mcap_file import Message, RecordingFile
+from hil.recording.mcap_file import Message
+from hil.recording.mcap_writer import RecordingFile
 from hil.recording.reader import read_about, read_messages
 from hil.recording.run import Run, require_run
 from hil.ros.images import decode_sonar, encode_fan

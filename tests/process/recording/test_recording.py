@@ -15,7 +15,8 @@ from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
 from hil.common.errors import ConfigError
-from hil.recording.mcap_file import Message, RecordingFile, qos_profile, schema_of
+from hil.recording.mcap_file import Message, qos_profile, schema_of
+from hil.recording.mcap_writer import RecordingFile
 from hil.recording.reader import About, read_about, read_messages
 from hil.recording.recorder import Recorder, describe
 from hil.recording.run import read_run
@@ -116,7 +117,7 @@ def test_a_long_recording_takes_no_memory_for_its_index(tmp_path: Path) -> None:
         for time_ns in range(1, 2001):
             for message in messages:
                 written.write(message._replace(logged_ns=time_ns))
-            written._writer.end_chunk()
+            written._end_chunk()
             written._stream.commit(b"")
             if time_ns == 100:
                 before, _ = tracemalloc.get_traced_memory()

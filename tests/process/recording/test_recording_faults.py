@@ -16,7 +16,8 @@ from mcap.stream_reader import StreamReader
 import hil.recording.recorder as recording_module
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.common.errors import ConfigError
-from hil.recording.mcap_file import Message, RecordingFile
+from hil.recording.mcap_file import Message
+from hil.recording.mcap_writer import RecordingFile
 from hil.recording.reader import read_messages
 from hil.recording.recorder import Recorder, new_folder
 from hil.ros.encoders import decode_int64_array

@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from hil.gateways.foxglove.layout import layout
-from hil.recording.mcap_file import RecordingFile
+from hil.recording.mcap_writer import RecordingFile
 from hil.recording.reader import read_about, read_messages
 from hil.scenario.config import load_scenario
 from tests.support.processes import Program, free_port, run_here, write_scenario
