@@ -190,11 +190,11 @@ class Bench:
         """Return the path of a file in the folder."""
         return self._scratch.file(name)
 
-    def start_slave(self, *options: str, environment: dict[str, str] | None = None) -> Process:
+    def start_slave(self, *options: str) -> Process:
         """Start the scenario's slave; do not wait for it."""
         command = [*self._under, *program(), "slave", self.path, *options]
         log = self.file(f"slave-{len(self.processes)}.log")
-        return self._start(Process(command, log, environment))
+        return self._start(Process(command, log))
 
     def start_master(self, *options: str, endpoint: str = "") -> Process:
         """Start the scenario's master, which flies its mission; return when it connects."""

@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, Process, await_vehicle
-from hil.bench.presence import check_end, check_present, simulation_of
+from hil.bench.presence import check_end, check_present
 from hil.bench.processes import Usage, read_usage, role, shares
 from hil.bench.statistics import median, spread
-from hil.common.errors import HilError
 from hil.ros.topics import TOPICS, is_picture
-from hil.scenario.config import FEEDBACK, load_scenario
+from hil.scenario.config import FEEDBACK
 from sim.sensors.kinds import SENSORS
 
 PICTURES = [name for name in TOPICS if is_picture(name)]
@@ -76,15 +75,6 @@ def settings(fitted: Collection[str] | None, rates: list[float], vehicles: list[
         yield Setting(f"{count} vehicle{'s' * (count > 1)}", {}, count)
     if fitted is not None or rates or vehicles:
         yield Setting("as it is, again", {})
-
-
-def impossible(setting: Setting, scenario: str) -> str:
-    """Return why this vehicle, world or machine cannot have the setting; "" if they can."""
-    try:
-        simulation_of(load_scenario(scenario, setting.changes))
-    except HilError as error:
-        return str(error)
-    return ""
 
 
 def run(

@@ -102,14 +102,6 @@ def resident_mib(pids: Iterable[int]) -> float:
     return total / 2**20 if total else nan
 
 
-def mapped_files(pid: int) -> set[str]:
-    """Return the paths of the files that a process has mapped; none if it has ended."""
-    try:
-        return {mapping.path for mapping in psutil.Process(pid).memory_maps() if mapping.path.startswith("/")}
-    except psutil.Error:
-        return set()
-
-
 def _memory(process: psutil.Process) -> Memory:
     memory = process.memory_full_info()
     return Memory(memory.pss / 2**20, memory.uss / 2**20)

@@ -1,7 +1,6 @@
 """Results of a benchmark as a file: figures with all their values, and the machine."""
 
 import json
-import os
 import time
 from collections.abc import Iterable
 from math import isfinite
@@ -11,7 +10,7 @@ from hil.bench.machine import describe
 from hil.bench.statistics import median, spread
 from hil.common.errors import ConfigError
 from hil.common.quantiles import quantile
-from hil.common.tables import read_bytes
+from hil.common.tables import read_bytes, save_text
 from hil.common.text import json_text
 
 FORMAT = "uuv-hil bench 1"
@@ -86,7 +85,7 @@ def save(record: Record, path: str) -> None:
     """Write it as JSON. Raises ConfigError."""
     figures = {name: figure._asdict() | _summary(figure) for name, figure in record.figures.items()}
     text = json_text({"format": FORMAT, **record._asdict(), "figures": figures}, indent=1)
-    write_text(path, text + "\n")
+    save_text(path, text + "\n")
 
 
 def load(path: str) -> Record:
@@ -103,21 +102,6 @@ def load(path: str) -> Record:
         return record
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise ConfigError(f"{path}: is not a result of `uuv-hil bench`; write one with --output FILE") from None
-
-
-def write_text(path: str, text: str) -> None:
-    """Write a text file. Raises ConfigError."""
-    try:
-        os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise _unwritable(path, error) from None
-
-
-def _unwritable(path: str, error: OSError) -> ConfigError:
-    reason = "its folder is a file" if isinstance(error, FileExistsError) else error.strerror
-    return ConfigError(f"{path}: cannot be written: {reason}; name a file in a folder of yours")
 
 
 def _summary(figure: Figure) -> dict[str, float]:

@@ -1,14 +1,12 @@
 """Measure a slave's start, phase by phase, cold and warm, beside empty interpreters."""
 
 import os
-import re
-import subprocess
+import sysconfig
 from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from typing import NamedTuple
 
 from hil.bench.harness import Bench, await_vehicle
-from hil.bench.processes import mapped_files
 from hil.common.children import ROOT, python_command
 from hil.common.clock import NS_PER_MS, now_ns, to_wall_ns
 from hil.common.errors import ConfigError, NetworkError
@@ -81,26 +79,12 @@ def time_floor(bench: Bench, code: str) -> float:
     return took
 
 
-def files_of_a_start(bench: Bench) -> list[str]:
-    """Return the files that the slave and the floors read: modules that the interpreter lists, and mapped files."""
-    files: set[str] = set()
-    with bench.client() as client:
-        slave = bench.start_slave(environment={"PYTHONVERBOSE": "1"})
-        await_vehicle(client, slave)
-        files |= mapped_files(slave.pid)
-        slave.stop()
-        files |= _modules(slave.output)
-    for code in floors().values():
-        done = subprocess.run(python_command("-v", "-c", code), capture_output=True, text=True, check=True, cwd=ROOT)
-        files |= _modules(done.stderr)
-    return sorted(path for path in files if os.path.isfile(path) and not path.startswith(("/dev/", "/proc/")))
-
-
-def _modules(text: str) -> set[str]:
-    """Return the files of `python -v`: "# code object from '...'", "# ... matches ...", "... loaded from '...'"."""
-    quoted = re.findall(r"(?:from|loaded from) '(/[^']+)'", text)
-    compared = re.findall(r"# (/\S+) matches (/\S+)", text)
-    return {*quoted, *(path for pair in compared for path in pair)}
+def files_of_a_start() -> list[str]:
+    """Return the files that the slave and the floors may read: those of Python's libraries and of this project."""
+    packages = (os.path.join(ROOT, name) for name in ("hil", "sim", "boards", "firmware_stub"))
+    folders = (*(sysconfig.get_path(name) for name in ("stdlib", "platlib")), *packages)
+    walked = (each for folder in dict.fromkeys(folders) for each in os.walk(folder))
+    return [os.path.join(path, name) for path, _, names in walked for name in names]
 
 
 def coldness(files: Iterable[str], whole_machine: bool) -> tuple[Callable[[], None], str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import Number, integer, new_parser
+from hil.common.options import integer, new_parser
 from hil.common.schema import find_preset, preset_names
 from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.frame.check import WRONG, Part, Row, split_bytes, table
@@ -20,17 +20,14 @@ The exit code is 1 if some of the bytes are damaged, dropped, malformed or left 
 
 examples:
   uuv-hil link frame list
-  uuv-hil link frame check aa55                                  its byte tables and wire times
-  uuv-hil link frame check my_lab.toml --thrusters 8 --rate 100
+  uuv-hil link frame check aa55                                  its byte tables
+  uuv-hil link frame check my_lab.toml --thrusters 8
   uuv-hil link frame check aa55 AA 55 05 10 07 01 f4 01 12       decode these bytes
   xxd -p capture.bin | uuv-hil link frame check my_lab.toml -    decode the bytes of a file
 """
 FRAMES = "firmware_stub/frames"
-BAUDS = (9_600, 57_600, 115_200, 460_800, 921_600, 2_000_000)
-BITS_PER_BYTE = 10  # 8N1: start, eight, stop
 BYTES_PER_LINE = 16
 CHANNELS = integer(1, MAX_THRUSTERS)
-RATE = Number(0.001, 100_000.0, "Hz")
 CRC_PARAMETERS = ("polynomial", "start_value", "reflected", "final_xor")
 
 
@@ -43,7 +40,7 @@ def main(arguments: list[str]) -> int:
     data = read_hex(options.hex)
     protocol = FrameProtocol(find_preset(FRAMES, options.file), options.role)
     if not options.hex:
-        print("\n".join(description(protocol, _channels(protocol, options), options.rate)))
+        print("\n".join(description(protocol, _channels(protocol, options))))
         return 0
     parts = split_bytes(protocol, data)
     for part in parts:
@@ -65,7 +62,6 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument(
         "--thrusters", metavar="N", type=CHANNELS, help="number of thrusters [6, or what the frame carries]"
     )
-    check.add_argument("--rate", metavar="HZ", type=RATE, default=50.0, help="rate of the messages, Hz [50]")
     check.add_argument("--role", choices=["host", "device"], help="decode only what this end receives [both]")
     return parser
 
@@ -81,8 +77,8 @@ def listing() -> list[str]:
     return aligned(rows)
 
 
-def description(protocol: FrameProtocol, channels: int, rate: float) -> Iterator[str]:
-    """Yield the byte tables of a frame for `channels` thrusters, and its share of a line's capacity at `rate` Hz."""
+def description(protocol: FrameProtocol, channels: int) -> Iterator[str]:
+    """Yield the byte tables of a frame for `channels` thrusters."""
     layout = protocol.layout
     yield f"{channels} thruster{'s' * (channels > 1)}, {layout.byte_order}-endian; {_checksum(layout.checksum, layout)}"
     if layout.stuffing.type != "none":
@@ -93,8 +89,6 @@ def description(protocol: FrameProtocol, channels: int, rate: float) -> Iterator
     for other in layout.other:
         yield ""
         yield from _message(f"{other.name}, {_sender(other)}", layout, other, channels)
-    yield ""
-    yield from _wire_times(protocol, channels, rate)
 
 
 def read_hex(words: list[str]) -> bytes:
@@ -175,16 +169,6 @@ def _quantity(row: Row) -> str:
     unit = field.unit or ("us" if field.name in ("pwm_us", "age_us") else "")
     scale = "" if field.scale == 1.0 else f"{field.scale:g} "
     return f"{scale}{unit}" + (f" {field.offset:+g}" if field.offset else "") + ", ignored" * field.extra
-
-
-def _wire_times(protocol: FrameProtocol, channels: int, rate: float) -> Iterator[str]:
-    sizes = [_size(protocol, kind, channels) for kind in (ThrusterCommand, ThrusterTelemetry)]
-    yield f"at {rate:g} Hz: {sizes[0] * rate:g} bytes/s of commands, {sizes[1] * rate:g} of telemetry; 8N1:"
-    rows = [["baud", "command", "of the line", "telemetry", "of the line"]]
-    for baud in BAUDS:
-        times = [size * BITS_PER_BYTE / baud for size in sizes]
-        rows.append([str(baud), *(cell for t in times for cell in (f"{t * 1e3:.2f} ms", f"{100 * t * rate:.1f} %"))])
-    yield from aligned(rows, right=True, indent="  ")
 
 
 def _describe_part(part: Part) -> Iterator[str]:

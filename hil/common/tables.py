@@ -206,13 +206,14 @@ def write_cached(path: str, stamp: Any, value: Any) -> None:
         return
 
 
-def save_text(path: str, text: str, remedy: str = "") -> None:
-    """Write a file that a person has asked for. Raises ConfigError with the `remedy`, if any."""
+def save_text(path: str, text: str) -> None:
+    """Write a file that a person has asked for, and its folder. Raises ConfigError."""
     try:
+        os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
         with open(path, "w", newline="", encoding="utf-8") as file:
             file.write(text)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}{remedy}") from None
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}; name a file in a folder of yours") from None
 
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:

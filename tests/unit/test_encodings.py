@@ -26,8 +26,6 @@ def text_without_encoding(source: str) -> Iterator[int]:
         owner = getattr(function.value, "id", "") if isinstance(function, ast.Attribute) else ""
         if name not in MODES or (name == "open" and owner in ELSEWHERE):
             continue
-        if name == "write_text" and not owner and isinstance(function, ast.Name):  # hil.bench.record's own
-            continue
         place = 0 if name == "open" and isinstance(function, ast.Attribute) and owner not in PACKED else MODES[name]
         modes = [keyword.value for keyword in node.keywords if keyword.arg == "mode"]
         modes += node.args[place : place + 1] if place >= 0 else []

@@ -1,14 +1,13 @@
 """The HIL table: the reference platform's four figures for a run of ours, with their definitions.
 
 master CPU     processor time of the master process from its first command to its last, over that time,
-               as a share of one core and of the whole machine
+               as a share of one core
 start-up       from the exec of the slave until the master has its first sensor sample
 slave memory   proportional set size of all processes of the slave at the end of the run, and its share
                of the memory of the machine it runs on
 command delay  from the master's publish until the STM32 end has applied the pulse widths
 """
 
-import os
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -76,9 +75,7 @@ class HilTable(NamedTuple):
     """
 
     master_cpu_core: float
-    master_cpu_machine: float
     slave_cpu_core: float
-    slave_cpu_machine: float
     startup_s: float
     slave_ready_s: float
     slave_pss_mib: float
@@ -127,9 +124,7 @@ def build(client: VehicleClient, outcome: Outcome, first_cpu: CpuMark) -> HilTab
     slave_core = _cpu_share(first_cpu, mark_cpu(client), notes)
     return HilTable(
         master_cpu_core=outcome.cpu_s / outcome.duration,
-        master_cpu_machine=outcome.cpu_s / outcome.duration / (os.cpu_count() or 1),
         slave_cpu_core=slave_core,
-        slave_cpu_machine=slave_core / or_nan(health.cores),
         startup_s=_startup_s(client, health, offset_ns, notes),
         slave_ready_s=or_nan(health.startup_ready_ms) / 1e3,
         slave_pss_mib=or_nan(health.pss_mib),
@@ -246,14 +241,5 @@ def to_json(table: HilTable, outcome: Outcome) -> dict[str, Any]:
     values["slave"] = table.slave.raw
     values["delay"] = table.delay._asdict()
     values["hops"] = {name: hop._asdict() for name, hop in table.hops.items()}
-    paper = {
-        board.title: {
-            "master_cpu": board.master_cpu,
-            "startup_s": board.startup_s,
-            "slave_memory": board.memory,
-            "command_delay_s": board.delay_s,
-        }
-        for board in PAPER_BOARDS
-    }
-    plain: dict[str, Any] = json_value({"table": values, "paper": paper, "outcome": outcome.as_plain()})
+    plain: dict[str, Any] = json_value({"table": values, "outcome": outcome.as_plain()})
     return plain

@@ -3,16 +3,17 @@
 from typing import Any
 
 from hil.bench import load_run
-from hil.bench.harness import Bench
-from hil.bench.load_run import Course, Setting, difference, impossible, settings
+from hil.bench.load_run import Course, Setting, difference, settings
+from hil.bench.presence import simulation_of
 from hil.bench.record import Figure
 from hil.bench.report import Column, Row
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import add_seconds, bench_parser, benchmark, parse, save_columns, show
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned, fit_to_terminal
-from hil.common.errors import ConfigError, HilError, NetworkError
+from hil.common.errors import HilError, NetworkError
 from hil.common.options import List, Number, changes_of, integer
+from hil.scenario.config import load_scenario
 
 EXAMPLES = """\
 It measures slaves that get 20 commands a second, one setting after the other. CPU is in shares of one core, memory is
@@ -36,14 +37,22 @@ ROWS = (Row("cpu", "CPU", "% of a core", "{:.2f}"), Row("memory", "memory", "MiB
 def main(arguments: list[str]) -> int:
     """Measure and print; return 0, or 1 when a setting could not be measured. Raises HilError."""
     options = parse(_parser(), arguments)
-    plan, left_out = _plan(options)
+    plan = _plan(options)
     courses: list[Course] = []
+    left_out: dict[str, str] = {}
     failures = PartialFailures()
     with failures.caught():
         for number, setting in enumerate(plan, 1):
             progress = f"{number} of {len(plan)}: {setting.name}"
             failures.begin(progress)
-            courses.append(_run(setting, options, progress))
+            try:
+                simulation_of(load_scenario(options.scenario, setting.changes))
+            except HilError as error:
+                if number == 1:
+                    raise
+                left_out[setting.name] = str(error)  # this vehicle, world or machine cannot have it
+            else:
+                courses.append(_run(setting, options, progress))
     measured, failed = [c for c in courses if c.cpu], [c for c in courses if c.failure]
     if not measured:
         failures.raise_first()
@@ -70,18 +79,12 @@ def _parser() -> Any:
     return parser
 
 
-def _plan(options: Any) -> tuple[list[Setting], dict[str, str]]:
-    """Return the settings to measure, and why others are left out. Raises ConfigError if the first is impossible."""
+def _plan(options: Any) -> list[Setting]:
+    """Return the settings to measure."""
     base = changes_of(options)
-    with Bench(options.scenario, base, options.under) as bench:
-        fitted = [*bench.scenario.sensors] if options.each_sensor else None
-    options_used = settings(fitted, [*options.rates], [*options.vehicles])
-    wanted = [setting._replace(changes=base | setting.changes) for setting in options_used]
-    reasons = {setting.name: impossible(setting, options.scenario) for setting in wanted}
-    first = reasons[wanted[0].name]
-    if first:
-        raise ConfigError(first)
-    return [s for s in wanted if not reasons[s.name]], {name: reason for name, reason in reasons.items() if reason}
+    fitted = [*load_scenario(options.scenario, base).sensors] if options.each_sensor else None
+    wanted = settings(fitted, [*options.rates], [*options.vehicles])
+    return [setting._replace(changes=base | setting.changes) for setting in wanted]
 
 
 def _run(setting: Setting, options: Any, progress: str) -> Course:

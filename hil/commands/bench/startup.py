@@ -14,7 +14,7 @@ from hil.common.options import Number, changes_of
 
 EXAMPLES = """\
 The slave and the interpreters start in turn. Warm: all files are in memory, from a start before. Cold: they have been
-dropped from the page cache before each start; by default only the files that a start reads, as root with
+dropped from the page cache before each start; by default only those of Python and of this project, as root with
 --drop-caches all that the kernel caches.
 
 examples:
@@ -64,8 +64,8 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[list[Column], lis
     with failures.caught(), Bench(options.scenario, changes_of(options), options.under) as bench:
         labels = bench.labels
         show("the first start")
-        start(bench)  # the next start prints each module, which would hide why a start fails
-        files = files_of_a_start(bench)
+        start(bench)  # which brings the files into memory
+        files = files_of_a_start()
         kinds = {"warm": _leave}
         if not options.warm_only:
             kinds["cold"], how = coldness(files, options.drop_caches)

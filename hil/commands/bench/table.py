@@ -7,7 +7,7 @@ from boards import Board, load_board
 from boards.health import recognise
 from boards.tree import Tree
 from hil.bench.harness import Bench, await_vehicle, labels_of
-from hil.bench.record import Figure, Record, load, write_text
+from hil.bench.record import Figure, Record, load
 from hil.bench.report import Column, draw, markdown, remarks, text
 from hil.bench.table import boards as board_table
 from hil.bench.table.boards import HERE
@@ -29,6 +29,7 @@ from hil.common.columns import fit_to_terminal, paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import add_board, add_file, changes_of
 from hil.common.schema import preset_names
+from hil.common.tables import save_text
 from hil.ros.diagnostics import Diagnostics, to_text
 
 EXAMPLES = """\
@@ -156,7 +157,7 @@ def _named(column: Column) -> Column:
 
 def _write(columns: list[Column], options: Any) -> None:
     if options.markdown:
-        write_text(options.markdown, markdown(columns, ROWS) + "\n")
+        save_text(options.markdown, markdown(columns, ROWS) + "\n")
     if options.plot:
         draw(columns, [row for row in ROWS if row.name in board_table.DRAWN], options.plot)
 

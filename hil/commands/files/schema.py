@@ -4,10 +4,9 @@ import argparse
 import os
 from typing import Any
 
-from hil.bench.record import write_text
 from hil.common.errors import ConfigError
 from hil.common.options import add_output
-from hil.common.tables import output_file
+from hil.common.tables import output_file, save_text
 from hil.common.text import json_text
 
 
@@ -37,5 +36,5 @@ def write_schemas(options: argparse.Namespace) -> int:
 
 
 def _write(path: str, text: str) -> None:
-    write_text(path, text)
+    save_text(path, text)
     print(f"written: {path}")

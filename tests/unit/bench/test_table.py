@@ -55,7 +55,6 @@ def test_the_table_computes_its_figures() -> None:
     result = build()
     assert result.master_cpu_core == 0.02
     assert result.slave_cpu_core == 0.05
-    assert result.slave_cpu_machine == 0.0125
     assert result.startup_s == 0.08
     assert result.delay.p50_ms == 0.4
     assert [round(hop.p50_ms, 6) for hop in result.hops.values()] == [0.2, 0.05, 0.05, 0.05, 0.05]
