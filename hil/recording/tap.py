@@ -24,6 +24,7 @@ from hil.network.supervisor import Received
 from hil.recording.mcap_file import Message
 from hil.ros import dialect
 from hil.ros import encoders as ros
+from hil.ros.graph import ALL, Entity, read_token
 from hil.ros.topics import TOPICS
 
 if TYPE_CHECKING:
@@ -127,6 +128,11 @@ class Tap:
                             messages.append(message)
         messages.sort(key=_logged_time)
         return messages
+
+    def entities(self) -> list[Entity]:
+        """Return the nodes at the endpoints, and what they publish, subscribe to, answer and call; by a query."""
+        tokens = {token for source in tuple(self._sources) for token in source.session.tokens(ALL)}
+        return [entity for token in tokens if (entity := read_token(token))]
 
     def complaint(self) -> str:
         """Return a text about endpoints that do not answer, or a link that was cut, if a report is due; else ""."""

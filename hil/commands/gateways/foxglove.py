@@ -60,7 +60,7 @@ def main(arguments: list[str]) -> int:
             commanding = Commanding(opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys)))
         host, port = options.listen
         tap = Tap(endpoints, *network_of(scenario))
-        server = opened.enter_context(FoxgloveServer(host, port, commanding))
+        server = opened.enter_context(FoxgloveServer(host, port, commanding, tap.entities))
         opened.enter_context(tap)
         address = f"ws://{host}:{server.port}"
         print(f"{address}/?token={server.access.token} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)

@@ -11,9 +11,10 @@ from hil.gateways.commanding import Commanding
 from hil.gateways.foxglove import protocol
 from hil.gateways.foxglove.assets import read_asset
 from hil.gateways.websocket_client import SocketClient
+from hil.ros.graph import Entity
 
 MAX_SUBSCRIPTIONS = 1000
-LOOK_S = 2.0  # between two looks for new services
+LOOK_S = 2.0  # between two looks at the graph
 NEEDING_TOKEN = (
     "advertise", "unadvertise", "getParameters", "setParameters", "subscribeParameterUpdates",
     "unsubscribeParameterUpdates",
@@ -27,18 +28,27 @@ COMMANDS = ("clientPublish", "services", "parameters", "parametersSubscribe")  #
 class Client(SocketClient):
     """Talks with one client over `socket`, in the thread of the server's loop.
 
-    `commanding` is None for a client that may not command; `latched` gives the last message of a latched channel.
+    `commanding` is None for a client that may not command; `latched` gives the last message of a latched channel,
+    `entities` the nodes that are there and their endpoints.
     """
 
-    def __init__(self, socket: web.WebSocketResponse, commanding: Commanding | None, latched: Latched) -> None:
+    def __init__(
+        self,
+        socket: web.WebSocketResponse,
+        commanding: Commanding | None,
+        latched: Latched,
+        entities: Callable[[], list[Entity]],
+    ) -> None:
         super().__init__(socket)
         self._commanding = commanding
         self._latched = latched
         self._subscriptions: dict[int, int] = {}  # channel -> subscription
         self._topics: dict[int, tuple[str, str]] = {}  # channel of the client -> topic and encoding
         self._services: list[tuple[str, str]] = []
+        self._entities = entities
+        self._watching_graph: asyncio.Task[None] | None = None
         self._watched: set[str] = set()  # parameters
-        capabilities = ["time", "assets", *(COMMANDS if commanding else ())]
+        capabilities = ["time", "connectionGraph", "assets", *(COMMANDS if commanding else ())]
         encodings = [protocol.CDR, protocol.JSON]
         self._put(
             protocol.encode_text(
@@ -113,6 +123,11 @@ class Client(SocketClient):
             case "unsubscribe":
                 ended = set(message["subscriptionIds"])
                 self._subscriptions = {key: value for key, value in self._subscriptions.items() if value not in ended}
+            case "subscribeConnectionGraph":
+                self._watching_graph = self._watching_graph or self._start(self._watch_graph())
+            case "unsubscribeConnectionGraph" if self._watching_graph:
+                self._watching_graph.cancel()
+                self._watching_graph = None
             case "fetchAsset":
                 await self._send_asset(str(message["uri"]), int(message["requestId"]) & 0xFFFFFFFF)
             case op if op in NEEDING_TOKEN:
@@ -182,6 +197,16 @@ class Client(SocketClient):
                 described = [self._commanding.describe(*service) for service in new]
                 numbered = [{"id": first + place, **each} for place, each in enumerate(described)]
                 self._put(protocol.encode_text("advertiseServices", services=numbered))
+            await asyncio.sleep(2.0)
+
+    async def _watch_graph(self) -> None:
+        """Send the graph, and then its changes."""
+        before = protocol.graph_of(())
+        while True:
+            now = protocol.graph_of(await asyncio.to_thread(self._entities))
+            if text := protocol.encode_graph(before, now):
+                self._put(text)
+            before = now
             await asyncio.sleep(LOOK_S)
 
     async def _send_asset(self, uri: str, request: int) -> None:

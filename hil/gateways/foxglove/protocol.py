@@ -4,9 +4,11 @@ https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from struct import Struct
 from typing import Any, NamedTuple
+
+from hil.ros.graph import Entity, Kind
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 CDR, JSON = "cdr", "json"
@@ -19,6 +21,14 @@ _CLIENT = Struct("<BI")
 _SERVICE = Struct("<BIII")
 _TIME = Struct("<BQ")
 _ASSET = Struct("<BIBI")
+# Kinds of endpoints in the graph, and their names in `connectionGraphUpdate`.
+_ENDPOINTS: dict[Kind, tuple[str, str]] = {
+    "MP": ("publishedTopics", "publisherIds"),
+    "MS": ("subscribedTopics", "subscriberIds"),
+    "SS": ("advertisedServices", "providerIds"),
+}
+
+Graph = dict[Kind, dict[str, list[str]]]  # kind -> name of a topic or service -> its nodes
 
 
 class Channel(NamedTuple):
@@ -93,6 +103,31 @@ def encode_asset(request: int, data: bytes, problem: str = "") -> bytes:
     """Return an asset, or the problem with it."""
     text = problem.encode()
     return _ASSET.pack(ASSET, request, bool(problem), len(text)) + text + data
+
+
+def graph_of(entities: Iterable[Entity]) -> Graph:
+    """Return the nodes of each topic and service."""
+    graph: Graph = {kind: {} for kind in _ENDPOINTS}
+    for entity in sorted(entities):
+        nodes = graph.get(entity.kind, {}).setdefault(entity.topic, [])
+        if entity.node not in nodes:
+            nodes.append(entity.node)
+    return graph
+
+
+def encode_graph(before: Graph, now: Graph) -> str:
+    """Return what has changed in the graph; "" if nothing has."""
+    values: dict[str, Any] = {}
+    for kind, (key, ids) in _ENDPOINTS.items():
+        names = sorted(before[kind].keys() | now[kind].keys())
+        values[key] = [
+            {"name": name, ids: now[kind].get(name, [])}
+            for name in names
+            if before[kind].get(name) != now[kind].get(name)
+        ]
+    topics = (before["MP"].keys() | before["MS"].keys()) - (now["MP"].keys() | now["MS"].keys())
+    gone = {"removedTopics": sorted(topics), "removedServices": sorted(before["SS"].keys() - now["SS"].keys())}
+    return encode_text("connectionGraphUpdate", **values, **gone) if any(values.values()) else ""
 
 
 def decode_text(text: str) -> Mapping[str, Any] | None:

@@ -4,6 +4,8 @@ Its own code and not Foxglove's SDK (0.30), because that can refuse neither page
 token: a listener sees of a client its number only, and everyone who reaches the port could command a vehicle.
 """
 
+from collections.abc import Callable
+
 from aiohttp import web
 
 from hil.client.parameters import changed_parameters
@@ -13,6 +15,7 @@ from hil.gateways.foxglove.client import Client
 from hil.gateways.foxglove.protocol import SUBPROTOCOLS, Channel
 from hil.gateways.websocket_server import WebSocketServer
 from hil.recording.mcap_file import Message, schema_of
+from hil.ros.graph import Entity
 from hil.ros.topics import TOPICS
 
 EVENTS = "/parameter_events"
@@ -21,8 +24,14 @@ EVENTS = "/parameter_events"
 class FoxgloveServer(WebSocketServer[Client]):
     """Serves messages of vehicles to Foxglove; clients with the token command them through `commanding`."""
 
-    def __init__(self, host: str, port: int, commanding: Commanding | None = None) -> None:
-        self._commanding = commanding
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        commanding: Commanding | None = None,
+        entities: Callable[[], list[Entity]] = list,
+    ) -> None:
+        self._commanding, self._entities = commanding, entities
         self._time_ns = self._sent_ns = 0  # newest time of a message, and when it was sent to the clients (monotonic)
         self._channels: list[Channel] = []
         self._numbers: dict[str, int] = {}
@@ -75,6 +84,6 @@ class FoxgloveServer(WebSocketServer[Client]):
 
     def _make_client(self, socket: web.WebSocketResponse, may_command: bool) -> Client:
         """Return the client, to which all channels so far are named."""
-        client = Client(socket, self._commanding if may_command else None, self._latched.get)
+        client = Client(socket, self._commanding if may_command else None, self._latched.get, self._entities)
         client.advertise(dict(enumerate(self._channels)))
         return client

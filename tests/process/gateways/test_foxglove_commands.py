@@ -16,8 +16,11 @@ from websockets.typing import Subprotocol
 from hil.client.client import VehicleClient
 from hil.common.errors import ConfigError
 from hil.gateways.foxglove.assets import read_asset
+from hil.network.roles import open_client_session
 from hil.ros import encoders as ros
 from hil.ros import message as ros_message
+from hil.ros.graph import Node
+from hil.ros.topics import TOPICS
 from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 SET_BOOL = "std_srvs/srv/SetBool"
@@ -196,6 +199,21 @@ def test_changes_of_parameters_are_sent_to_their_subscribers(foxglove: Foxglove)
     assert foxglove.until(lambda: len(names := changed(3.0)) == 2 and names) == [other, name]
     foxglove.send("unsubscribeParameterUpdates", parameterNames=[])
     assert changed(2.5) == []
+
+
+def test_the_graph_is_sent_with_its_changes(foxglove: Foxglove, vehicle: tuple[str, str]) -> None:
+    foxglove.send("subscribeConnectionGraph")
+    update = foxglove.receive_op("connectionGraphUpdate")
+    assert {"name": "/uuv1/imu", "publisherIds": ["/uuv1"]} in update["publishedTopics"]
+    assert {"name": "/uuv1/arm", "providerIds": ["/uuv1"]} in update["advertisedServices"]
+    assert "/uuv1/cmd_vel" in [row["name"] for row in update["subscribedTopics"]]
+    with open_client_session(vehicle[1], seconds=30.0) as session:
+        Node(session, "sketch").publishes(TOPICS["plan"], "uuv1")
+        update = foxglove.receive_op("connectionGraphUpdate")
+        assert update["publishedTopics"] == [{"name": "/uuv1/plan", "publisherIds": ["/sketch"]}]
+        assert update["advertisedServices"] == update["removedTopics"] == []
+    assert foxglove.receive_op("connectionGraphUpdate")["removedTopics"] == ["/uuv1/plan"]
+    foxglove.send("unsubscribeConnectionGraph")
 
 
 def test_meshes_of_ros_packages_are_sent(foxglove: Foxglove) -> None:
