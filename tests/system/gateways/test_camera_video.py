@@ -44,4 +44,4 @@ def test_a_ground_station_decodes_what_the_page_sends(tmp_path: Path) -> None:
             sender.wait(60)
     shown = [Image.open(path).convert("RGB") for path in sorted(tmp_path.glob("*.png"))]
     assert [image.size for image in shown] == [(320, 240)] * 5
-    assert all(most - least > 10 for image in shown for least, most in image.getextrema()[1:])
+    assert all(len(set(image.tobytes())) > 10 for image in shown)
