@@ -16,11 +16,11 @@ from hil.gateways.mavlink.core import MINUTE_NS, Core, mission_current
 from hil.gateways.mavlink.flight import modes, targets
 from hil.gateways.mavlink.flight.sticks import CENTRED
 from hil.gateways.mavlink.messages import GIVEN, GROUND, OWN_SENSORS, REFUSED, TAKEN, UNANSWERED
-from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor, ProtocolVersion
+from hil.gateways.mavlink.newer_messages import ProtocolVersion
 from hil.gateways.mavlink.parameter_table import GATEWAY
 from hil.gateways.mavlink.peer import COMPONENT, Peer
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
-from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR, number_of
+from hil.gateways.mavlink.protocols.streams import HEARTBEAT, MISSION_CURRENT, number_of
 from hil.gateways.mavlink.snapshot import Context
 from hil.gateways.mavlink.telemetry import BUILDERS, status_text
 from hil.links.mavlink.reports import MAVLINK_VERSION
@@ -114,10 +114,6 @@ class Dispatcher:
             return self._own_heartbeat() if core.snapshot else None  # without a vehicle there is none
         if number == MISSION_CURRENT:
             return mission_current(core)
-        if number == CURRENT_MODE:
-            return modes.current_mode(core.pilot.mode, core.pilot.intended)
-        if number == MODES_MONITOR:
-            return AvailableModesMonitor(1)
         build = BUILDERS.get(number)
         return build(core.snapshot, context) if build and core.snapshot else None
 
@@ -197,20 +193,18 @@ class Dispatcher:
             interval = peer.rates.interval_us(int(first))
             return [dialect.MAVLink_message_interval_message(max(0, int(first)) & 0xFFFF, interval)], commands.ACCEPTED
         number = OLD_REQUESTS.get(command, int(first))
-        messages = self._requested(number, params[1], now)
+        messages = self._requested(number, now)
         if not messages and number in (HOME_POSITION, GPS_GLOBAL_ORIGIN):
             self.core.complain("no origin yet: send SET_GPS_GLOBAL_ORIGIN, or give the world one", now)
             return [], commands.REJECTED
         return messages, commands.ACCEPTED if messages else commands.UNSUPPORTED
 
-    def _requested(self, number: int, index: float, now: int) -> list[Any]:
+    def _requested(self, number: int, now: int) -> list[Any]:
         """Return the message with that id, asked for once; nothing if there is none."""
         if number == dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             return [self._version()]
         if number == ProtocolVersion.id:
-            return [ProtocolVersion(200, 100, 200, bytes(8), bytes(8))]
-        if number == AvailableModes.id:
-            return modes.available_modes(int(index) if index == index and 0 <= index < 1000 else 0)
+            return [ProtocolVersion()]
         return self.messages(number, self.core.context(now, now))
 
     def _version(self) -> Any:

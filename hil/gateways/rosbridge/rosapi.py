@@ -1,6 +1,6 @@
 """The services below /rosapi that clients of rosbridge ask about topics, types, services, nodes and parameters."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from hil.common.clock import now_ns, to_wall_ns
@@ -9,8 +9,7 @@ from hil.common.text import json_text
 from hil.gateways.commanding import Commanding
 from hil.gateways.values import parse_json, whole_type
 from hil.ros import dialect, types
-from hil.ros.graph import Entity
-from hil.ros.types import PRIMITIVES, Field, definition
+from hil.ros.types import PRIMITIVES, definition
 
 PREFIX = "/rosapi/"
 COMMANDS = (f"{PREFIX}set_param",)  # only for clients with the token
@@ -31,14 +30,13 @@ class RosApi:
             "services": lambda _: {"services": sorted(self._types(("SS",)))},
             "service_type": lambda of: {"type": self._types(("SS",)).get(text(of, "service"), "")},
             "services_for_type": lambda of: {"services": names_of(self._types(("SS",)), text(of, "type"), "srv")},
-            "service_providers": lambda of: {"providers": names_of(self._types(("SS",)), text(of, "service"), "srv")},
-            "nodes": lambda _: {"nodes": sorted({entity.node for entity in self._entities()})},
+            "nodes": lambda _: {"nodes": sorted({entity.node for entity in commanding.entities()})},
             "node_details": self._node,
             "publishers": lambda of: {"publishers": self._who("MP", text(of, "topic"))},
             "subscribers": lambda of: {"subscribers": self._who("MS", text(of, "topic"))},
             "message_details": lambda of: {"typedefs": typedefs(whole_type(text(of, "type")))},
-            "service_request_details": lambda of: {"typedefs": self._half(of, "Request")},
-            "service_response_details": lambda of: {"typedefs": self._half(of, "Response")},
+            "service_request_details": lambda of: {"typedefs": typedefs(f"{service_type(of)}_Request")},
+            "service_response_details": lambda of: {"typedefs": typedefs(f"{service_type(of)}_Response")},
             "get_param_names": lambda _: {"names": sorted(self._parameters())},
             "get_param": self._get_parameter,
             "set_param": self._set_parameter,
@@ -59,12 +57,9 @@ class RosApi:
         """Return the type of a topic; "" for an unknown one."""
         return self._received_types.get(topic) or self._types(("MP", "MS")).get(topic, "")
 
-    def _entities(self) -> list[Entity]:
-        return self._commanding.entities()
-
     def _types(self, kinds: tuple[str, ...]) -> dict[str, str]:
         found = dict(self._received_types) if "MP" in kinds else {}
-        return found | {entity.topic: entity.type for entity in self._entities() if entity.kind in kinds}
+        return found | {entity.topic: entity.type for entity in self._commanding.entities() if entity.kind in kinds}
 
     def _topics(self) -> Answer:
         found = sorted(self._types(("MP", "MS")).items())
@@ -75,15 +70,13 @@ class RosApi:
         return answer | {"typedefs_full_text": [raw_type(kind) for kind in answer["types"]]}
 
     def _node(self, of: Mapping[str, Any]) -> Answer:
-        mine = [entity for entity in self._entities() if entity.node == text(of, "node")]
+        mine = [entity for entity in self._commanding.entities() if entity.node == text(of, "node")]
         names = (("subscribing", "MS"), ("publishing", "MP"), ("services", "SS"))
         return {key: sorted({entity.topic for entity in mine if entity.kind == kind}) for key, kind in names}
 
     def _who(self, kind: str, topic: str) -> list[str]:
-        return sorted({entity.node for entity in self._entities() if (entity.kind, entity.topic) == (kind, topic)})
-
-    def _half(self, of: Mapping[str, Any], half: str) -> list[Answer]:
-        return typedefs(f"{whole_type(text(of, 'type'), 'srv')}_{half}")
+        entities = self._commanding.entities()
+        return sorted({entity.node for entity in entities if (entity.kind, entity.topic) == (kind, topic)})
 
     def _parameters(self) -> dict[str, Any]:
         values = self._commanding.parameters()
@@ -136,32 +129,30 @@ def time_now() -> Answer:
     return {"sec": seconds, "nanosec": nanoseconds, "secs": seconds, "nsecs": nanoseconds}
 
 
+def service_type(of: Mapping[str, Any]) -> str:
+    """Return the type of service in a request, "std_srvs/srv/SetBool"."""
+    return whole_type(text(of, "type"), "srv")
+
+
 def typedefs(name: str) -> list[Answer]:
-    """Return a type and all that it is made of, as rosapi/TypeDef. Raises ConfigError for an unknown one."""
-    waiting, described = [name], list[Answer]()
+    """Return a type and all that it is made of, as rosapi/TypeDef. Raises ConfigError for an unknown one.
+
+    The length of an array is -1 where there is none, 0 where it may be any.
+    """
+    waiting, described = [name], dict[str, Answer]()
     while waiting:
         each = waiting.pop(0)
-        if any(one["type"] == each for one in described):
+        if each in described:
             continue
         fields = definition(each).fields
         waiting += [field.type for field in fields if field.type not in PRIMITIVES]
-        described.append({"type": each, **describe(fields), "constnames": [], "constvalues": []})
-    return described
-
-
-def describe(fields: Iterable[Field]) -> Answer:
-    """Return the fields of a type; the length of an array is -1 where there is none, 0 where it may be any."""
-    listed = list(fields)
-    return {
-        "fieldnames": [field.name for field in listed],
-        "fieldtypes": [field.type for field in listed],
-        "fieldarraylen": [-1 if field.length is None else field.length for field in listed],
-        "examples": [example(field) for field in listed],
-    }
-
-
-def example(field: Field) -> str:
-    """Return an example of a field's value."""
-    if field.length is not None:
-        return "[]"
-    return {"string": "", "bool": "False"}.get(field.type, "0" if field.type in PRIMITIVES else "{}")
+        examples = {field.type: "0" if field.type in PRIMITIVES else "{}" for field in fields}
+        examples |= {"string": "", "bool": "False"}
+        described[each] = {
+            "type": each, "fieldnames": [field.name for field in fields],
+            "fieldtypes": [field.type for field in fields],
+            "fieldarraylen": [-1 if field.length is None else field.length for field in fields],
+            "examples": [examples[field.type] if field.length is None else "[]" for field in fields],
+            "constnames": [], "constvalues": [],
+        }  # fmt: skip
+    return list(described.values())

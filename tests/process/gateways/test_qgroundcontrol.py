@@ -34,8 +34,6 @@ def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
 def test_each_request_of_its_connection_is_answered(station: Station) -> None:
     station.start_streams()
     capabilities = station.version().capabilities
-    modes = station.modes()
-    assert {mode.value for mode in Mode} == set(modes.values())
     assert capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
     assert capabilities & dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
     station.plan(dialect.MAV_MISSION_TYPE_MISSION)

@@ -9,7 +9,6 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.gateways.mavlink.newer_messages import AvailableModes
 from tests.support.clients.mavlink_ground import Ground
 
 AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
@@ -47,19 +46,6 @@ class Station(Ground):
         number = dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION
         assert self.command_to(AUTOPILOT, dialect.MAV_CMD_REQUEST_MESSAGE, number) == 0
         return self.wait("AUTOPILOT_VERSION")
-
-    def modes(self) -> dict[str, int]:
-        """Request all modes at once and wait until the last one has arrived."""
-        names: dict[str, int] = {}
-        assert self.command_to(AUTOPILOT, dialect.MAV_CMD_REQUEST_MESSAGE, AvailableModes.id, 0) == 0
-        while True:
-            packet = bytes(self.wait(f"UNKNOWN_{AvailableModes.id}").get_msgbuf())  # newer than pymavlink
-            size = AvailableModes.unpacker.size
-            number, _, count, index, _, name = AvailableModes.unpacker.unpack(packet[10:-2].ljust(size, b"\0")[:size])
-            names[name.rstrip(b"\0").decode()] = number
-            if index >= count:
-                assert len(names) == count, "a name that comes twice gets a number behind it"
-                return names
 
     def plan(self, kind: int) -> list[Any]:
         """PlanManager::loadFromVehicle: all items of a mission, of a fence or of rally points."""

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autonomy.control.controller import VelocityCommand
-from hil.gateways.mavlink.flight.modes import MODES, Mode, base_mode
+from hil.gateways.mavlink.flight.modes import Mode, base_mode
 from hil.gateways.mavlink.flight.targets import local_target
 from hil.gateways.mavlink.snapshot import NEUTRAL
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
@@ -107,15 +107,6 @@ def test_without_a_ground_station_there_is_no_failsafe() -> None:
     bench.arm()
     bench.run(10.0)
     assert bench.core.pilot.armed
-
-
-def test_all_modes_are_listed() -> None:
-    bench = Bench()
-    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 435, 0) == ACCEPTED
-    listed = bench.partner.take_messages("AVAILABLE_MODES")
-    assert {message.custom_mode for message in listed} == set(MODES)
-    assert {message.number_modes for message in listed} == {len(MODES)}
-    assert [message.mode_index for message in listed] == list(range(1, len(MODES) + 1))
 
 
 def test_flags_of_the_heartbeat_are_those_of_a_real_ardusub() -> None:

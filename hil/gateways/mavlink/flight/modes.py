@@ -1,11 +1,9 @@
-"""Modes of the vehicle, with ArduSub's numbers, and their messages."""
+"""Modes of the vehicle, with ArduSub's numbers."""
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-
-from hil.gateways.mavlink.newer_messages import AvailableModes, CurrentMode
 
 
 class Mode(IntEnum):
@@ -21,32 +19,23 @@ class Mode(IntEnum):
 
 
 class ModeText(NamedTuple):
-    """Description of a mode for a ground station: its name and its standard mode (MAV_STANDARD_MODE)."""
+    """Description of a mode: its name, and what it does."""
 
     name: str
-    standard: int
     meaning: str
 
 
-NON_STANDARD = dialect.MAV_STANDARD_MODE_NON_STANDARD
 MODES: dict[Mode, ModeText] = {
-    Mode.MANUAL: ModeText("Manual", NON_STANDARD, "sticks are forces and moments"),
-    Mode.STABILIZE: ModeText(
-        "Stabilize", NON_STANDARD, "sticks are velocities; roll and pitch are level, the heading is held"
-    ),
-    Mode.ALT_HOLD: ModeText(
-        "Depth hold", dialect.MAV_STANDARD_MODE_ALTITUDE_HOLD, "as Stabilize; the depth is held, too"
-    ),
-    Mode.POSHOLD: ModeText(
-        "Position hold", dialect.MAV_STANDARD_MODE_POSITION_HOLD, "as Depth hold; the position is held, too"
-    ),
-    Mode.GUIDED: ModeText("Guided", NON_STANDARD, "follows position and velocity targets of companion software"),
-    Mode.AUTO: ModeText("Auto", dialect.MAV_STANDARD_MODE_MISSION, "flies the mission"),
-    Mode.SURFACE: ModeText("Surface", NON_STANDARD, "rises to the surface and holds the heading"),
+    Mode.MANUAL: ModeText("Manual", "sticks are forces and moments"),
+    Mode.STABILIZE: ModeText("Stabilize", "sticks are velocities; roll and pitch are level, the heading is held"),
+    Mode.ALT_HOLD: ModeText("Depth hold", "as Stabilize; the depth is held, too"),
+    Mode.POSHOLD: ModeText("Position hold", "as Depth hold; the position is held, too"),
+    Mode.GUIDED: ModeText("Guided", "follows position and velocity targets of companion software"),
+    Mode.AUTO: ModeText("Auto", "flies the mission"),
+    Mode.SURFACE: ModeText("Surface", "rises to the surface and holds the heading"),
 }
 PILOTED = frozenset((Mode.MANUAL, Mode.STABILIZE, Mode.ALT_HOLD, Mode.POSHOLD))
 POSITIONED = frozenset((Mode.GUIDED, Mode.AUTO, Mode.POSHOLD))  # modes that need a position
-_SELF_DRIVEN = 4  # MAV_MODE_PROPERTY_AUTO_MODE: newer than pymavlink's dialect
 
 
 def mode_of(number: float) -> Mode | None:
@@ -58,23 +47,6 @@ def mode_name(number: float) -> str:
     """Return ArduSub's name of a mode that this vehicle lacks; "mode N" for a number that has none."""
     entry = dialect.enums["SUB_MODE"].get(number)
     return entry.name.removeprefix("SUB_MODE_").capitalize() if entry else f"mode {number:g}"
-
-
-def available_modes(index: int) -> list[Any]:
-    """Return AVAILABLE_MODES of the mode with that index, counted from 1; of all for 0; none for another."""
-    chosen = list(enumerate(MODES.items(), 1))
-    return [
-        AvailableModes(
-            mode, 0 if mode in PILOTED else _SELF_DRIVEN, len(MODES), number, text.standard, text.name.encode()
-        )
-        for number, (mode, text) in chosen
-        if index in (0, number)
-    ]
-
-
-def current_mode(mode: Mode, intended: Mode) -> Any:
-    """Return CURRENT_MODE."""
-    return CurrentMode(mode, intended, MODES[mode].standard)
 
 
 def base_mode(mode: Mode, armed: bool) -> int:

@@ -27,7 +27,7 @@ class Pilot:
     def __init__(self, parameters: ParameterTable, mission: MissionFlight) -> None:
         self._parameters, self._mission = parameters, mission
         self.joystick = Joystick(parameters)
-        self.mode = self.intended = Mode.MANUAL
+        self.mode = Mode.MANUAL
         self.armed = False
         self.texts: list[tuple[int, str]] = []
         self.target: Target | None = None
@@ -66,7 +66,6 @@ class Pilot:
 
     def set_mode(self, mode: Mode, snapshot: Snapshot | None) -> str:
         """Change the mode; return why that cannot be, "" if it could."""
-        self.intended = mode
         if mode not in (Mode.MANUAL, Mode.STABILIZE) and snapshot is None:
             return f"{MODES[mode].name}: the vehicle is not there"
         if mode == Mode.AUTO:

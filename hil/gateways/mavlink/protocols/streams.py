@@ -7,7 +7,6 @@ Until it does, it has `DEFAULT_HZ`.
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, NS_PER_US
-from hil.gateways.mavlink import newer_messages as newer
 
 MAX_HZ = 50.0
 MIN_HZ = 0.05
@@ -22,7 +21,7 @@ RAW_SENSORS, EXTENDED_STATUS, RC_CHANNELS, POSITION, EXTRA1, EXTRA2, EXTRA3 = (
 # Message -> its rate (Hz) until a ground station requests another one, and its group. Groups and rates are ArduSub's.
 STREAMS: dict[str, tuple[float, int]] = {
     "HEARTBEAT": (1.0, NONE), "HOME_POSITION": (0.1, NONE), "GPS_GLOBAL_ORIGIN": (0.1, NONE),
-    "CURRENT_MODE": (0.5, NONE), "AVAILABLE_MODES_MONITOR": (0.3, NONE), "EXTENDED_SYS_STATE": (0.0, NONE),
+    "EXTENDED_SYS_STATE": (0.0, NONE),
     "RAW_IMU": (4.0, RAW_SENSORS), "SCALED_IMU2": (4.0, RAW_SENSORS), "SCALED_IMU3": (4.0, RAW_SENSORS),
     "SCALED_PRESSURE": (4.0, RAW_SENSORS), "SCALED_PRESSURE2": (4.0, RAW_SENSORS),
     "SYS_STATUS": (4.0, EXTENDED_STATUS), "POWER_STATUS": (4.0, EXTENDED_STATUS),
@@ -42,13 +41,10 @@ STREAMS: dict[str, tuple[float, int]] = {
 
 def number_of(name: str) -> int:
     """Return the id of a message."""
-    own = {kind.name: kind.id for kind in (newer.CurrentMode, newer.AvailableModesMonitor)}
-    return own.get(name) or int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
+    return int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
 
 
-HEARTBEAT, MISSION_CURRENT, CURRENT_MODE, MODES_MONITOR = [
-    number_of(name) for name in ("HEARTBEAT", "MISSION_CURRENT", "CURRENT_MODE", "AVAILABLE_MODES_MONITOR")
-]
+HEARTBEAT, MISSION_CURRENT = number_of("HEARTBEAT"), number_of("MISSION_CURRENT")
 DEFAULT_HZ = {number_of(name): rate for name, (rate, _) in STREAMS.items()}
 
 
