@@ -7,7 +7,17 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, Mask, contains, edge_distance, fill, segments
 from hil.charts.grid import Depths, Grid
-from hil.charts.quays import clear_behind, find_moles, find_quays, wall_outline
+from hil.charts.quays import (
+    BESIDE,
+    SAME_WIDTH,
+    blocks_of,
+    clear_behind,
+    clear_single,
+    find_coasts,
+    find_walled,
+    strips_of,
+    wall_outline,
+)
 from hil.charts.sources.survey import Sheet, Survey
 
 Array = NDArray[np.float64]
@@ -31,14 +41,17 @@ BORDER_ERROR = 2.0  # greatest error of the border of a depth area, as a multipl
 SPREAD_PER_CELL = 0.98  # factor by which a correction fades from one cell to the next
 SPREAD_PASSES = 24
 PLANE_CELLS = 4  # around a place of a shore, by which the slope of the bed is found there
+STEP_WIDTH = 0.1  # cells, of the steps that are a bank where the grid has none
 PLANE_SPREAD = 1.5  # cells, standard deviation of the weights of its nodes
 
 
 class Bounds(NamedTuple):
     """Limits of the depth at each node, (rows, columns): shoal and deep limit in m, masks of land and known nodes.
 
-    `shore`: distance in cells to the edge of charted land without quays, inf where it is far away. `narrow`: lengths of
-    walls (m) at the water whose land is too narrow for a quay. `blocks`: rings (5, 2) of what stands for narrow moles.
+    `shore`: distance in cells to the edge of charted land without quays, inf where it is far away. `walled`: mask of
+    nodes with a wall between them and a natural coast behind it. `blocks`, `strips`: rings (5, 2) of what stands for
+    narrow moles, and for the bank of a natural coast beside them (hil.charts.quays.blocks_of, strips_of). `opposite`:
+    pieces (2, 2) of such coasts.
     """
 
     low: Array
@@ -46,8 +59,10 @@ class Bounds(NamedTuple):
     land: Mask
     known: Mask
     shore: Depths
-    narrow: list[float]
+    walled: Mask
     blocks: list[Array]
+    strips: list[Array]
+    opposite: list[Array]
 
 
 def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
@@ -55,7 +70,7 @@ def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
     shape = len(north), len(east)
     bounds = Bounds(
         np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool),
-        np.full(shape, np.inf, np.float32), [], [],
+        np.full(shape, np.inf, np.float32), np.zeros(shape, bool), [], [], [],
     )  # fmt: skip
     if survey.reach > 0.0 and len(survey.soundings):
         bounds.known[:] = _near(survey.soundings, north, east, survey.reach)
@@ -76,6 +91,7 @@ def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds, wa
     covered[window] = valid
     bounds.low[covered], bounds.high[covered] = -np.inf, np.inf
     bounds.land[covered], bounds.known[covered], bounds.shore[covered] = False, True, np.inf
+    bounds.walled[covered] = False
     for area in sheet.areas:
         window, inside = fill(area.edges, north, east)
         inside &= covered[window]
@@ -84,17 +100,20 @@ def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds, wa
         for edges in many:
             window, inside = fill(edges, north, east)
             mask[window][inside & covered[window]] = value
-    start, end = _outer_edges(sheet.land)
-    is_quay, is_narrow = find_quays(walls, start, end, north, east, bounds.land, bounds.known & ~bounds.land)
     land = tuple(edge for edges in sheet.land for edge in edges)
-    is_mole, rings = find_moles(walls, start, end, is_narrow, land, north[1] - north[0])
-    bounds.narrow.extend(np.hypot(*(end - start)[is_narrow & ~is_mole].T))
-    uncovered = [ring for ring in bounds.blocks if not contains(sheet.coverage, ring[:4].mean(axis=0)[None])[0]]
-    bounds.blocks[:] = [*uncovered, *rings]
-    is_hidden = is_quay | is_mole
-    window, away = edge_distance(start[~is_hidden], end[~is_hidden], north, east, int(FOOT_CELLS) + 1)
+    coasts = find_coasts(walls, *_outer_edges(sheet.land), land, north[1] - north[0])
+    for rings, found in ((bounds.blocks, blocks_of), (bounds.strips, strips_of)):
+        uncovered = [ring for ring in rings if not contains(sheet.coverage, ring[:4].mean(axis=0)[None])[0]]
+        rings[:] = [*uncovered, *found(coasts, north[1] - north[0])]
+    bounds.opposite.extend(np.stack([coasts.start, coasts.end], axis=1)[coasts.opposite])
+    is_natural = ~(coasts.quay | coasts.mole | coasts.single | coasts.opposite)
+    window, away = edge_distance(coasts.start[is_natural], coasts.end[is_natural], north, east, int(FOOT_CELLS) + 1)
     np.copyto(bounds.shore[window], away, where=covered[window])
-    clear_behind(start[is_hidden], end[is_hidden], north, east, bounds[:5], covered)
+    clear_behind(coasts, north, east, bounds[:5], covered)
+    window, away, walled = find_walled(coasts, north, east, int(FOOT_CELLS) + 1)
+    np.minimum(bounds.shore[window], away, out=bounds.shore[window], where=covered[window] & ~walled)
+    bounds.walled[window] |= walled & covered[window]
+    clear_single(coasts, north, east, bounds[:6], covered)
 
 
 def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:
@@ -249,7 +268,7 @@ def raise_land(grid: Grid, bounds: Bounds, points: Array) -> Depths:
 
     depths, resolution = grid.depths, grid.resolution
     land, water = bounds.land, bounds.known & ~bounds.land
-    if not land.any():
+    if not (land.any() or np.isfinite(bounds.shore).any()):  # a narrow mole may have no node of land
         return depths
     distance, nearest = distance_transform_edt(~water, sampling=resolution, return_indices=True)
     shore = np.minimum(depths[tuple(nearest)], -LAND_RISE)
@@ -259,7 +278,7 @@ def raise_land(grid: Grid, bounds: Bounds, points: Array) -> Depths:
     near = (distance < (STRAIGHT_CELLS + 1.0) * resolution) & (bounds.shore < STRAIGHT_CELLS)
     edge = (water & (bounds.shore < FOOT_CELLS)) | (land & near)
     inside = np.where(land, bounds.shore, -bounds.shore)
-    at_edge, beyond = _continue_bed(depths, water, inside, edge)
+    at_edge, beyond = _continue_bed(depths, water, inside, edge, bounds.walled)
     on_land, within = land[edge], inside[edge]
     bed = np.where(on_land, beyond, depths[edge])
     foot = _foot_cells(grid, bounds.shore, points)[edge]
@@ -268,6 +287,23 @@ def raise_land(grid: Grid, bounds: Bounds, points: Array) -> Depths:
     wet = np.maximum(np.minimum(bank, bed), np.minimum(bed, least))
     raised[edge] = np.where(on_land, np.clip(bank, -LAND_TOP, least), wet)
     return raised
+
+
+def steps_of(strips: list[Array], grid: Grid) -> list[tuple[Array, float]]:
+    """Return the steps that are the bank of natural coasts in `strips`: rings (5, 2) m, and the depth (m) of each top.
+
+    They descend from the water line to the depth of the bank at the outer side of its strip.
+    """
+    steps = []
+    for ring in strips:
+        reach = float(np.hypot(*(ring[3] - ring[0])))
+        out = (ring[3] - ring[0]) / reach
+        depth = float(grid.at((ring[2:4].mean(axis=0) + BESIDE * out)[None])[0])
+        width = STEP_WIDTH * grid.resolution
+        for near in np.arange(0.0, reach if depth > 0.0 else 0.0, width):  # nan: unknown
+            inner, outer = near if near else -SAME_WIDTH, min(near + width, reach) + BESIDE
+            steps.append((np.concatenate([ring[:2] + inner * out, ring[1::-1] + outer * out]), depth * near / reach))
+    return steps
 
 
 def _foot_cells(grid: Grid, shore: Depths, points: Array) -> Depths:
@@ -280,10 +316,11 @@ def _foot_cells(grid: Grid, shore: Depths, points: Array) -> Depths:
     return np.asarray(uniform_filter(minimum_filter(allowed, size), size))
 
 
-def _continue_bed(depths: Depths, water: Mask, inside: Depths, edge: Mask) -> tuple[Array, Array]:
+def _continue_bed(depths: Depths, water: Mask, inside: Depths, edge: Mask, walled: Mask) -> tuple[Array, Array]:
     """Return, for the nodes of `edge`, the depth (m) at the nearest place of the edge and, beyond it, at the node.
 
-    Both are on a plane through the bed around that place. `inside`: distance (cells) inside the edge.
+    Both are on a plane through the bed around that place, and on the same side of the mole if it is `walled`.
+    `inside`: distance (cells) inside the edge.
     """
     nodes, last = np.argwhere(edge), np.array(edge.shape) - 1
 
@@ -296,14 +333,15 @@ def _continue_bed(depths: Depths, water: Mask, inside: Depths, edge: Mask) -> tu
     across = np.nan_to_num(across, posinf=0.0, neginf=0.0).astype(float)
     across /= np.maximum(np.hypot(*across.T), 1e-9)[:, None]
     foot = nodes - inside[edge][:, None] * across
-    middle = np.rint(foot).astype(np.intp)
+    middle, is_walled = np.rint(foot).astype(np.intp), walled[edge]
     least = np.diag([1e-9, 1e-3, 1e-3])  # makes the plane level where too few nodes give a slope
     sums, right = np.tile(least, (len(nodes), 1, 1)), np.zeros((len(nodes), 3))
     for offset in np.ndindex(2 * PLANE_CELLS + 1, 2 * PLANE_CELLS + 1):
         place = middle + np.array(offset) - PLANE_CELLS
         apart = np.column_stack([np.ones(len(nodes)), place - foot])
         found = at(depths, place).astype(float)
-        weight = np.exp(-0.5 * ((apart[:, 1:] / PLANE_SPREAD) ** 2).sum(axis=1)) * at(water, place) * np.isfinite(found)
+        weight = np.exp(-0.5 * ((apart[:, 1:] / PLANE_SPREAD) ** 2).sum(axis=1)) * np.isfinite(found)
+        weight *= at(water, place) & (at(walled, place) == is_walled)
         sums += weight[:, None, None] * apart[:, :, None] * apart[:, None, :]
         right += (weight * np.nan_to_num(found))[:, None] * apart
     plane = np.linalg.solve(sums, right[:, :, None])[:, :, 0]

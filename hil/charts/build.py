@@ -16,6 +16,7 @@ from hil.charts.bounds import (
     raise_to_soundings,
     rasterise_bounds,
     relax_shoal_limits,
+    steps_of,
 )
 from hil.charts.charted_objects import clip_charted, rasterise_natures
 from hil.charts.expected_depths import Limits, distance_to_borders, known_nodes, move_off_limits
@@ -23,10 +24,9 @@ from hil.charts.grid import Extent, Grid, round_up
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import OUT_OF_WATER, SeabedModel, beds_under, place_hazards
 from hil.charts.held_out import HeldOut, choose_model, hold_out
-from hil.charts.quays import LAND_DEPTHS, NARROW_MOLES
-from hil.charts.sources.survey import Bed, Hazard, Survey, first_in_cell, shoalest_in_cell
+from hil.charts.quays import BESIDE
+from hil.charts.sources.survey import Bed, Survey, first_in_cell, shoalest_in_cell
 from hil.common.errors import ConfigError
-from sim.environment.obstacles import STANDING
 
 Array = NDArray[np.float64]
 
@@ -109,23 +109,20 @@ def build(
         hint = "; if its values are depths, use --positive down" if (known <= 0.0).any() else ""
         raise ConfigError(f"{survey.source}: no water in the area: move or widen it (uuv-hil world build --area){hint}")
     grid, clamped = Grid(known.astype(np.float32), float(north[0]), float(east[0]), resolution), 0.0
-    data = _surface_data(survey) if water.any() else None
+    data = _surface_data(_without_guides(survey, bounds.opposite)) if water.any() else None
     if data is not None:
         surface, clamped = _fit_within_limits(survey, data, bounds, grid, progress)
         grid = grid._replace(depths=np.where(np.isfinite(known), grid.depths, surface.depths))
     filled, filler_shares = _fill_from_rasters(grid.depths, survey.fillers, north, east)
     grid = grid._replace(depths=filled.astype(np.float32))
-    moles = (Hazard("SLCONS", ring, 0.0, OUT_OF_WATER, (ring,), STANDING, True, True) for ring in bounds.blocks)
-    model = place_hazards((*survey.hazards, *moles), grid, np.where(bounds.land, -np.inf, bounds.low))
+    blocks = [(ring, OUT_OF_WATER) for ring in bounds.blocks] + steps_of(bounds.strips, grid)
+    model = place_hazards(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low), blocks)
     model = model._replace(
         charted=clip_charted(survey.charted, grid.extent)._replace(natures=()),
         bottom=rasterise_natures(survey.charted.natures, grid, survey.detail),
     )
     progress(0.85)
-    notes, narrow = survey.notes, sum(bounds.narrow)
-    if narrow >= 1.0:
-        notes += (f"{narrow:.0f} m of walls are at moles narrower than {LAND_DEPTHS[-1]:g} cells: {NARROW_MOLES}",)
-    report = _report(model.grid, data, clamped, begin)._replace(beds=(*shares, *filler_shares), notes=notes)
+    report = _report(model.grid, data, clamped, begin)._replace(beds=(*shares, *filler_shares), notes=survey.notes)
     progress(1.0)
     return BuiltSeabed(model, report)
 
@@ -216,6 +213,16 @@ def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
         )
     north, east = (np.asarray(resolution * (k + np.arange(n))) for k, n in zip(first, (rows, columns), strict=True))
     return north, east
+
+
+def _without_guides(survey: Survey, coasts: list[Array]) -> Survey:
+    """Return `survey` without the guides on `coasts`, (2, 2) m each: they would raise the bed behind their mole."""
+    import shapely
+
+    if not coasts:
+        return survey
+    is_on = shapely.dwithin(shapely.points(survey.guides[:, :2]), shapely.multilinestrings(coasts), BESIDE)
+    return survey._replace(guides=survey.guides[~is_on])
 
 
 def _surface_data(survey: Survey) -> _SurfaceData:

@@ -7,6 +7,7 @@ land. Structures and floating objects have their charted outline; an area become
 where possible. Areas on the bed raise it, except for rectangles with walls, which are blocks.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,17 +99,21 @@ def _top(feature: Feature) -> float | None:
     return OUT_OF_WATER if feature.kind in STANDS_UP and level is None else None
 
 
-def place_hazards(hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array) -> SeabedModel:
+def place_hazards(
+    hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array, blocks: Sequence[tuple[Array, float]] = ()
+) -> SeabedModel:
     """Return the seabed with `hazards` on the bed of `grid`; areas raise the bed, other hazards become obstacles.
 
     A hazard without a known top reaches up to `shoal_limit` (rows, columns), as a chart display assumes (IHO S-52,
-    procedure DEPVAL). Hazards on land, outside the grid or below the bed are left out.
+    procedure DEPVAL). Hazards on land, outside the grid or below the bed are left out. `blocks`: corners of rectangles
+    (4 or more, 2) that stand for land or bed, each with the depth of its top.
     """
     grid = grid._replace(depths=grid.depths.copy())
     limit = Grid(shoal_limit.astype(np.float32), *grid[1:])
     standing = [hazard for hazard in hazards if not _raise_bed(hazard, grid, shoal_limit)]
     cylinders: list[Cylinder] = []
-    boxes: list[Box] = []
+    on_grid = [np.isfinite(grid.at(corners[:4].mean(axis=0)[None])[0]) for corners, _ in blocks]
+    boxes = [_rectangular(*block) for block, is_known in zip(blocks, on_grid, strict=True) if is_known]
     for hazard in standing:
         if hazard.edges and (hazard.needs_water_both_sides or hazard.bottom < STANDING):
             boxes += _outlined(hazard, grid, limit)
@@ -194,7 +199,7 @@ def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
             and (not hazard.needs_water_both_sides or _is_in_water(middle, along, hazard, grid))
         ):
             width = 2.0 * hazard.radius
-            boxes.append(_box(hazard, *middle, length + width, width, heading, top))
+            boxes.append(Box(*_rounded(*middle, length + width, width, heading, top), bottom=hazard.bottom))
     return boxes
 
 
@@ -214,11 +219,9 @@ def _outlined(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
             ring = hazard._replace(line=_simplified(np.asarray(polygon.exterior.coords)), needs_water_both_sides=False)
             boxes += _boxes(ring, grid, limit)
             continue
-        sides, middle = np.diff(corners[:3], axis=0), corners.mean(axis=0)
-        top = _top_at(hazard, middle, grid, limit)
+        top = _top_at(hazard, corners.mean(axis=0), grid, limit)
         if top is not None:
-            heading = float(np.arctan2(sides[0, 1], sides[0, 0]))
-            boxes.append(_box(hazard, *middle, *np.hypot(*sides.T), heading, top))
+            boxes.append(_rectangular(corners, top, hazard.bottom))
     return boxes
 
 
@@ -240,9 +243,11 @@ def _is_block(hazard: Hazard, grid: Grid) -> bool:
     return bool(corners) and all(each is not None and grid.at(each.mean(axis=0)[None])[0] > 0.0 for each in corners)
 
 
-def _box(hazard: Hazard, *numbers: float) -> Box:
-    north, east, size, width, heading, top = _rounded(*numbers)
-    return Box(north, east, size, width, heading, top, bottom=hazard.bottom)
+def _rectangular(corners: Array, top: float, bottom: float = STANDING) -> Box:
+    """Return the block with the outline `corners` (4 or more, 2)."""
+    sides, middle = np.diff(corners[:3], axis=0), corners[:4].mean(axis=0)
+    heading = float(np.arctan2(sides[0, 1], sides[0, 0]))
+    return Box(*_rounded(*middle, *np.hypot(*sides.T), heading, top), bottom=bottom)
 
 
 def _rounded(*values: float) -> tuple[float, ...]:

@@ -2,28 +2,52 @@
 
 A bank over a few cells of a grid, which is straight at the water line, has ripples between its nodes where it is
 oblique to the grid. Land as wide as a few cells behind a wall becomes water, so that the step of the bed up to the land
-is hidden behind the wall. A mole that is narrower, with walls on both sides, becomes blocks that stand on the bed.
+is hidden behind the wall. A mole that is narrower becomes blocks that stand on the bed. If its other side is a natural
+coast, that coast has its bank. Where the grid has no room for both, steps take the place of the bank.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.polygons import Edges, Mask, contains, edge_distance
+from hil.autonomy.paths.polygons import Edges, Mask, Window, contains, edge_distance
 from hil.charts.sources.survey import Survey
 
 Array = NDArray[np.float64]
 
 ON_WALL = 0.6  # m: greatest distance of an edge of land from the wall along it, which is simplified
 SMALLEST = 0.5  # m: side of a block for a part of a mole; the obstacles of its walls cover narrower ones
+SAME_WIDTH = 0.5  # m: greatest difference of the widths of a mole in one block
+LONGEST = 4  # cells along a natural coast that have the same steps
 BESIDE = 0.05  # m from an edge, where its land and its water begin
 BEHIND = 2.0  # cells behind a wall that become water
-LAND_DEPTHS = (1.5, 3.0, 4.5)  # cells behind a wall that are land; of a narrower mole all sides have to be walls
-NARROW_MOLES = (
-    "the other side of each is no wall, so their bed is a bank with ripples of up to 0.6 m; a finer --resolution makes "
-    "them quays"
-)
+NARROW = 4.5  # cells, width of land with walls on both sides up to which it is a mole
+WIDE = 9.0  # cells, the same with a natural coast on one side, whose bank would reach through it
+DIAGONAL = 1.5  # cells behind a wall, over which a cell with water before the wall reaches
+FEET = (0.1, 0.5, 0.9)  # shares of a piece of an edge from which rays lead across the land
+
+
+class Coasts(NamedTuple):
+    """Pieces of the edges of land, at most a cell long near walls: `start`, `end`, (n, 2) each, and masks of them.
+
+    - `quay`: wall of wide land.
+    - `mole`: wall of a mole with walls on both sides.
+    - `single`: wall of a mole with a natural coast on the other side.
+    - `opposite`: that coast.
+    - `width`: m of the land behind each piece, inf from WIDE on; `inward` (n, 2): the unit vectors towards the land.
+    - `edge`: (n,) index of the edge that each piece is of.
+    """
+
+    start: Array
+    end: Array
+    quay: Mask
+    mole: Mask
+    single: Mask
+    opposite: Mask
+    width: Array
+    inward: Array
+    edge: NDArray[np.intp]
 
 
 def wall_outline(survey: Survey) -> Any:
@@ -38,83 +62,172 @@ def wall_outline(survey: Survey) -> Any:
     return strip
 
 
-def find_quays(
-    strip: Any, start: Array, end: Array, north: Array, east: Array, land: Mask, water: Mask
-) -> tuple[Mask, Mask]:
-    """Return which edges of land, (n, 2) each, are quays, and which are walls of land that is too narrow for that.
+def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) -> Coasts:
+    """Return what each edge of `land`, (n, 2), is by the walls in `strip`; `cell`: m of the grid."""
+    import shapely
 
-    Both are in `strip` and have water before them; quays have wide land behind.
+    lines = shapely.linestrings(np.stack([start, end], axis=1))
+    near = np.zeros(len(start), bool) if strip is None else shapely.dwithin(lines, strip, (WIDE + 1.0) * cell)
+    counts = np.where(near, np.maximum(1, np.ceil(np.hypot(*(end - start).T) / cell)), 1).astype(np.intp)
+    edge = np.repeat(np.arange(len(start)), counts)
+    part = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
+    along = ((end - start) / counts[:, None])[edge]
+    first = start[edge] + part[:, None] * along
+    coasts = Coasts(
+        first,
+        first + along,
+        *np.zeros((4, len(edge)), bool),
+        np.full(len(edge), np.inf),
+        np.zeros((len(edge), 2)),
+        edge,
+    )
+    (index,) = np.nonzero(near[edge])
+    if not len(index):
+        return coasts
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+    (judged,) = np.nonzero(near)
+    is_left = np.zeros(len(start), bool)
+    sides = across[np.cumsum(counts) - counts][judged]
+    is_left[judged] = contains(land, 0.5 * (start + end)[judged] + BESIDE * sides)
+    coasts.inward[:] = np.where(is_left[edge][:, None], across, -across)
+    tree, inward = shapely.STRtree(lines), coasts.inward[index]
+    feet = first[index] + np.array(FEET)[:, None, None] * along[index]
+    widths, far_sides = _cross(tree, feet, inward, WIDE * cell)
+    on_wall = shapely.covers(strip, shapely.linestrings(np.stack([first[index], (first + along)[index]], axis=1)))
+    is_far_wall = shapely.covers(strip, shapely.points(far_sides)) | ~np.isfinite(widths)
+    coasts.width[index] = widths.min(axis=0)
+    has_walls, is_narrow = is_far_wall.all(axis=0), coasts.width[index] < NARROW * cell
+    coasts.quay[index] = on_wall & has_walls & ~is_narrow
+    coasts.mole[index] = on_wall & has_walls & is_narrow
+    coasts.single[index] = on_wall & ~has_walls
+    walls = shapely.multilinestrings(shapely.linestrings(np.stack([first, first + along], axis=1)[coasts.single]))
+    is_opposite = shapely.dwithin(shapely.points(far_sides), walls, ON_WALL) & np.isfinite(widths)
+    coasts.opposite[index] = ~on_wall & is_opposite.any(axis=0)
+    return coasts
+
+
+def _cross(tree: Any, feet: Array, directions: Array, reach: float) -> tuple[Array, Array]:
+    """Return how far (m) it is from `feet` (k, n, 2) in `directions` (n, 2) to a line of `tree`, and where that is.
+
+    The distances, (k, n), are inf from `reach` on.
     """
     import shapely
 
-    if strip is None or not len(start):
-        return np.zeros(len(start), bool), np.zeros(len(start), bool)
-    on_wall = shapely.covers(strip, shapely.linestrings(np.stack([start, end], axis=1)))
-    middle, along, cell = 0.5 * (start + end), end - start, north[1] - north[0]
-    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
-
-    def there(mask: Mask, cells: float) -> Mask:
-        nodes = np.rint((middle + cells * cell * across - (north[0], east[0])) / cell).astype(np.intp)
-        inside = ((nodes >= 0) & (nodes < mask.shape)).all(axis=1)
-        return np.asarray(inside & mask[tuple(np.clip(nodes, 0, np.array(mask.shape) - 1).T)])
-
-    is_quay, at_water = np.zeros((2, len(start)), bool)
-    for side in (1.0, -1.0):
-        behind, before = [there(land, side * cells) for cells in LAND_DEPTHS], there(water, -side * LAND_DEPTHS[0])
-        is_quay |= on_wall & np.logical_and.reduce(behind) & before
-        at_water |= on_wall & before
-    return is_quay, at_water & ~is_quay
+    rays = shapely.linestrings(np.stack([feet + BESIDE * directions, feet + reach * directions], axis=2)).ravel()
+    ray, line = tree.query(rays, "intersects")
+    distances = np.full(rays.size, np.inf)
+    met = shapely.intersection(rays[ray], tree.geometries[line])
+    np.minimum.at(distances, ray, shapely.distance(shapely.points(feet.reshape(-1, 2)[ray]), met))
+    distances = distances.reshape(feet.shape[:2])
+    return distances, feet + np.where(np.isfinite(distances), distances, 0.0)[..., None] * directions
 
 
-def find_moles(
-    strip: Any, start: Array, end: Array, at_wall: Mask, land: Edges, cell: float
-) -> tuple[Mask, list[Array]]:
-    """Return which edges of land, (n, 2) each, are of moles with walls on both sides, and rectangles (5, 2) for them.
+def blocks_of(coasts: Coasts, cell: float) -> list[Array]:
+    """Return rectangles, (5, 2) m each, for narrow moles: from a wall to the other side, where the mole is narrowest.
 
-    `at_wall`: the edges in question, at walls; `cell`: m of the grid. A rectangle reaches from an edge to the other
-    side of the mole, where it is narrowest. Short edges at its head have none.
+    Towards a natural coast they reach no further than the bed behind the wall is water. A mole has none where it is
+    smaller than SMALLEST.
     """
-    import shapely
-
-    is_mole, (index,) = np.zeros(len(start), bool), np.nonzero(at_wall)
-    start, end, edges = start[index], end[index], np.stack([start, end], axis=1)
-    along = end - start
-    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
-    inward = np.where(contains(land, 0.5 * (start + end) + BESIDE * across)[:, None], across, -across)
-    feet = np.stack([start + share * along for share in (0.1, 0.5, 0.9)])
-    rays = shapely.linestrings(np.stack([feet + BESIDE * inward, feet + LAND_DEPTHS[-1] * cell * inward], axis=2))
-    lines = shapely.linestrings(edges)
-    ray, line = shapely.STRtree(lines).query(rays.ravel(), "intersects")
-    widths = np.full(rays.size, np.inf)
-    met = shapely.intersection(rays.ravel()[ray], lines[line])
-    np.minimum.at(widths, ray, shapely.distance(shapely.points(feet.reshape(-1, 2)[ray]), met))
-    widths = np.where(np.isfinite(widths), widths, -1e9).reshape(rays.shape)  # nothing of it is a wall there
-    if strip is not None:
-        far_sides = shapely.points(feet + widths[..., None] * inward)
-        is_mole[index] = shapely.covers(strip, far_sides).all(axis=0)
-    offset = widths.min(axis=0)[:, None] * inward
-    has_size = is_mole[index] & (widths.min(axis=0) > SMALLEST) & (np.hypot(*along.T) > SMALLEST)
-    rings = list(np.stack([start, end, end + offset, start + offset, start], axis=1)[has_size])
-    heads = at_wall & (np.hypot(*(edges[:, 1] - edges[:, 0]).T) < LAND_DEPTHS[-1] * cell)
-    corners = edges @ (1.0, 1.0j)
-    while (more := heads & ~is_mole & np.isin(corners, corners[is_mole]).any(axis=1)).any():
-        is_mole |= more
-    return is_mole, rings
+    width = np.where(coasts.single, np.minimum(coasts.width, 2.0 * _room(coasts, cell)), coasts.width)
+    rings = [
+        _rectangle(coasts, run, float(width[run].min())) for run in _runs(coasts, coasts.mole | coasts.single, width)
+    ]
+    return [ring for ring in rings if min(np.hypot(*np.diff(ring[:3], axis=0).T)) > SMALLEST]
 
 
-def clear_behind(
-    start: Array, end: Array, north: Array, east: Array, bounds: tuple[NDArray[Any], ...], free: Mask
-) -> None:
-    """Make the land behind the quays (edges, (n, 2) each) water within the limits of the water before them.
+def _runs(coasts: Coasts, chosen: Mask, width: Array, most: float = np.inf) -> list[list[int]]:
+    """Return the `chosen` pieces in lists of at most `most` neighbours on one edge that have about the same `width`."""
+    runs: list[list[int]] = []
+    for piece in np.flatnonzero(chosen).tolist():
+        run = runs[-1] if runs else [piece]
+        follows = piece == run[-1] + 1 and coasts.edge[piece] == coasts.edge[run[0]] and len(run) < most
+        if follows and np.ptp(width[[*run, piece]]) < SAME_WIDTH:
+            run.append(piece)
+        else:
+            runs.append([piece])
+    return runs
+
+
+def _rectangle(coasts: Coasts, run: list[int], width: float) -> Array:
+    """Return the rectangle (5, 2) on a run of pieces, `width` m to the land, or to the water if negative.
+
+    It is longer by BESIDE at both ends, so that there is no gap before the next one.
+    """
+    inward = coasts.inward[run[0]]
+    along, across = BESIDE * np.array([-inward[1], inward[0]]), width * inward
+    ends = coasts.start[run[0]], coasts.end[run[-1]]
+    sense = np.sign((ends[1] - ends[0]) @ along)
+    start, end = ends[0] - sense * along, ends[1] + sense * along
+    return np.array([start, end, end + across, start + across, start])
+
+
+def strips_of(coasts: Coasts, cell: float) -> list[Array]:
+    """Return strips of natural coasts opposite walls, rectangles (5, 2) m, first the two ends of their coasts.
+
+    In them nodes of the grid have the depth before the wall, so that the grid has no bank there.
+    """
+    reach = 2.0 * _room(coasts, cell) - coasts.width
+    runs = _runs(coasts, coasts.opposite & (reach > BESIDE), reach, LONGEST)
+    return [_rectangle(coasts, run, -float(reach[run].max())) for run in runs]
+
+
+def _room(coasts: Coasts, cell: float) -> Array:
+    """Return how far (m) a cell of the grid reaches across each piece."""
+    return np.asarray(cell * np.abs(coasts.inward).sum(axis=1))
+
+
+def clear_behind(coasts: Coasts, north: Array, east: Array, bounds: tuple[NDArray[Any], ...], free: Mask) -> None:
+    """Make the land behind quays, and moles with walls around them, water within the limits of the water before them.
 
     `bounds`: limits, masks and distances as hil.charts.bounds has them. Only where `free`, and not near another shore.
     """
     from scipy.ndimage import distance_transform_edt
 
-    window, away = edge_distance(start, end, north, east)
+    is_hidden = coasts.quay | coasts.mole
+    window, away = edge_distance(coasts.start[is_hidden], coasts.end[is_hidden], north, east)
     low, high, land, known, shore = (part[window] for part in bounds)
     behind = land & (away < BEHIND) & (shore > BEHIND) & free[window]
     if behind.any():
         rows, columns = distance_transform_edt(land | ~known, return_distances=False, return_indices=True)
         nearest = rows[behind], columns[behind]
         low[behind], high[behind], land[behind] = low[nearest], high[nearest], False
+
+
+def find_walled(coasts: Coasts, north: Array, east: Array, reach: int) -> tuple[Window, Array, Mask]:
+    """Return the distance in cells of nodes from natural coasts opposite walls, and which are on the walls' side.
+
+    The distance is exact up to `reach` cells. A node is on the walls' side if a wall is between it and the nearest
+    place of the coast. The window is that of both results.
+    """
+    import shapely
+
+    lines = shapely.linestrings(np.stack([coasts.start, coasts.end], axis=1))
+    window, away = edge_distance(coasts.start[coasts.opposite], coasts.end[coasts.opposite], north, east, reach)
+    is_walled = np.zeros(away.shape, bool)
+    if coasts.opposite.any():
+        near = np.argwhere(away < reach)
+        nodes = shapely.points(np.column_stack([north[window[0]][near[:, 0]], east[window[1]][near[:, 1]]]))
+        facing, walls = lines[coasts.opposite], lines[coasts.quay | coasts.mole | coasts.single]
+        ways = shapely.shortest_line(nodes, facing[shapely.STRtree(facing).nearest(nodes)])
+        way, _ = shapely.STRtree(walls).query(ways, "intersects")
+        is_walled[tuple(near[way].T)] = True
+    return window, away, is_walled
+
+
+def clear_single(coasts: Coasts, north: Array, east: Array, bounds: tuple[NDArray[Any], ...], free: Mask) -> None:
+    """Give the nodes behind walls opposite natural coasts the limits of the water before them.
+
+    These are the nodes of cells with water before such a wall, land or water. They join those on the walls' side.
+    `bounds`, `free`: as of clear_behind.
+    """
+    from scipy.ndimage import binary_dilation, distance_transform_edt
+
+    window, away = edge_distance(coasts.start[coasts.single], coasts.end[coasts.single], north, east)
+    low, high, land, known, shore, walled = (part[window] for part in bounds)
+    before = walled & known & ~land & (away < DIAGONAL)
+    behind = binary_dilation(before, np.ones((3, 3))) & ~walled & (away < DIAGONAL) & free[window]
+    if behind.any():
+        rows, columns = distance_transform_edt(~before, return_distances=False, return_indices=True)
+        nearest = rows[behind], columns[behind]
+        low[behind], high[behind] = low[nearest], high[nearest]
+        land[behind], known[behind], shore[behind], walled[behind] = False, True, np.inf, True

@@ -30,7 +30,7 @@ from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import load_world
 
 MAX_CACHED_BYTES = 1 << 30  # above this the least recently used seabeds are removed
-METHOD = 14  # version of the gridding; increase it when the same files give another result
+METHOD = 15  # version of the gridding; increase it when the same files give another result
 
 
 class WholeSeabed(NamedTuple):

@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
+import shapely
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import edge_distance, fill, segments
 from hil.charts.bounds import BEND, FOOT_CELLS, LAND_RISE, raise_with_slope
-from hil.charts.build import BuiltSeabed, build
+from hil.charts.build import build
 from hil.charts.grid import Grid
 from hil.charts.hazards import OUT_OF_WATER, SeabedModel, place_hazards
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey
+from sim.environment.obstacles import Box
 
 Array = NDArray[np.float64]
 CELL, DEPTH, HALF = 5.0, 6.0, 15.0  # m; half the width of the moles
@@ -29,17 +31,15 @@ def build_grid(*land: Array) -> Grid:
     return build_model((), *land).grid
 
 
-def build_model(hazards: tuple[Hazard, ...], *land: Array) -> SeabedModel:
-    """Return the seabed of the same survey with these hazards."""
-    return build_world(hazards, *land).model
-
-
-def build_world(hazards: tuple[Hazard, ...], *land: Array) -> BuiltSeabed:
+def build_model(hazards: tuple[Hazard, ...], *land: Array, away: float = 0.0) -> SeabedModel:
+    """Return the seabed of the same survey with these hazards, and no soundings up to `away` m from land."""
     everywhere = (np.array([(-9.0, -9.0), (-9.0, 209.0), (209.0, 209.0), (209.0, -9.0), (-9.0, -9.0)]),)
     soundings = np.array([(n, e, DEPTH) for n in range(0, 201, 40) for e in range(0, 201, 40)], float)
-    sheet = Sheet("", everywhere, (DepthArea(everywhere, 5.0, 10.0),), tuple((ring,) for ring in land))
+    if away:
+        soundings = soundings[shapely.distance(shapely.points(soundings[:, :2]), shapely.linestrings(land[0])) > away]
+    sheet = Sheet("", everywhere, (DepthArea(everywhere, 0.0, 10.0),), tuple((ring,) for ring in land))
     survey = Survey("", None, soundings, sheets=(sheet,), hazards=hazards)
-    return build(survey, (0.0, 200.0, 0.0, 200.0), CELL)
+    return build(survey, (0.0, 200.0, 0.0, 200.0), CELL).model
 
 
 def offsets(grid: Grid, level: float, half: float = HALF) -> Array:
@@ -165,6 +165,12 @@ def test_a_profile_along_an_oblique_quay_has_no_ripple(degrees: float) -> None:
     assert wall.heading == pytest.approx(np.radians(degrees), abs=1e-3)
 
 
+def offsets_in(box: Box, places: Array) -> NDArray[np.bool_]:
+    """Return which places (n, 2) are in the outline of a block."""
+    sides = np.abs((places - (box.north, box.east)) @ np.column_stack(directions(np.degrees(box.heading))))
+    return np.asarray((sides <= (0.5 * box.size_north + 0.01, 0.5 * box.size_east + 0.01)).all(axis=1))
+
+
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0])
 @pytest.mark.parametrize("cells", [1.0, 2.0, 3.0, 4.0])
 def test_the_bed_beside_a_narrow_mole_has_no_ripple(degrees: float, cells: float) -> None:
@@ -176,12 +182,8 @@ def test_the_bed_beside_a_narrow_mole_has_no_ripple(degrees: float, cells: float
         assert np.ptp(profile) < 0.01
         assert profile.mean() == pytest.approx(DEPTH, abs=0.01)
     for inside in np.linspace(0.0, cells * CELL, 9):
-        covered = np.zeros(len(places), bool)
-        for box in model.boxes:
-            offsets = places + inside * across - (box.north, box.east)
-            sides = np.abs(offsets @ np.column_stack(directions(np.degrees(box.heading))))
-            covered |= (sides <= (0.5 * box.size_north + 0.01, 0.5 * box.size_east + 0.01)).all(axis=1)
-        assert covered.all(), "no water is left inside of the mole"
+        covered = [offsets_in(box, places + inside * across) for box in model.boxes]
+        assert np.any(covered, axis=0).all(), "no water is left inside of the mole"
 
 
 def test_a_structure_charted_as_an_area_is_a_block_on_the_bed() -> None:
@@ -194,14 +196,32 @@ def test_a_structure_charted_as_an_area_is_a_block_on_the_bed() -> None:
     assert not build_model((pier,), mole(start=-10.0, end=10.0)).boxes, "its middle is on land"
 
 
-def test_a_mole_with_a_wall_on_one_side_stays_land() -> None:
-    """Its other side is a bank, which needs the land."""
-    along, across, _ = quay(30.0, 60.0, CELL)
-    corners = ((-60.0, 0.0), (60.0, 0.0), (60.0, 2.0 * CELL), (-60.0, 2.0 * CELL), (-60.0, 0.0))
-    ring = np.array([MIDDLE + a * along + b * across for a, b in corners])
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0])
+@pytest.mark.parametrize("cells", [1.0, 2.0, 3.0, 4.0])
+def test_a_mole_with_a_wall_on_one_side_has_no_ripple_on_either(degrees: float, cells: float) -> None:
+    """The bed has its full depth at the wall, and rises to the natural coast. As a bank it was 0.3 m deep at the wall.
+
+    The heights are those that an altimeter measures, of the bed or of blocks on it.
+    """
+    along, across = directions(degrees)
+    sides = ((-300.0, 0.0), (300.0, 0.0), (300.0, cells * CELL), (-300.0, cells * CELL), (-300.0, 0.0))
+    ring = np.array([MIDDLE + a * along + b * across for a, b in sides])
     wall = Hazard("SLCONS", ring[:2], 1.0, OUT_OF_WATER, needs_water_both_sides=True, is_wall=True)
-    crest = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * along + CELL * across
-    assert (build_model((wall,), ring).grid.at(crest) < 0.0).all()
+    model = build_model((wall,), ring, away=45.0)
+    places = MIDDLE + np.linspace(-50.0, 50.0, 201)[:, None] * along
+
+    def profile(offset: float) -> Array:
+        lines = places + offset * across
+        tops = [np.where(offsets_in(box, lines), box.top, np.inf) for box in model.boxes]
+        return np.asarray(np.min([model.grid.at(lines), *tops], axis=0))
+
+    for away in np.arange(1.2, 30.0, 1.0):
+        assert profile(-away) == pytest.approx(DEPTH, abs=0.01)
+    depths = [profile(cells * CELL + away) for away in np.arange(0.3, 30.0, 1.1)]
+    assert max(np.ptp(depth) for depth in depths) < 0.03
+    assert (np.diff([depth.mean() for depth in depths]) < 0.5).all(), "no step is higher"
+    assert depths[1].mean() < 0.2 * DEPTH
+    assert depths[-1].mean() > 0.9 * DEPTH
 
 
 @pytest.mark.parametrize("degrees", [20.0, 30.0, 45.0])
