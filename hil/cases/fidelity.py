@@ -4,45 +4,37 @@ Both use the same planner and the same files. In HIL the commands arrive with a 
 machine, so the same noise acts at other points of the motion.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.guide import distances_from_leg
 from hil.autonomy.paths.occupancy import Point
-from hil.cases.record import Run, Track
+from hil.cases.record import Result, Run, Track
+
+# Figures of both runs: heading, value, format, format of their difference (relative if in per cent).
+FIGURES: tuple[tuple[str, Callable[[Result], float], str, str], ...] = (
+    ("length", lambda r: r.path_length, "{:.2f} m", "{:+.2%}"),
+    ("time", lambda r: r.duration, "{:.2f} s", "{:+.2%}"),
+    ("energy", lambda r: r.energy / 1e3, "{:.2f} kJ", "{:+.2%}"),
+    ("least clearance", lambda r: r.least_clearance, "{:.3f} m", "{:+.3f} m"),
+)
 
 
-class Fidelity(NamedTuple):
-    """Differences of HIL from SIL.
+def compare(sil: Run, hil: Run) -> list[float]:
+    """Return how far two runs of one case and seed differ, whose vehicles have the same order.
 
-    `path_rms`, `path_max`: distances (m) of the HIL track's points from the SIL track, of the vehicle with the largest.
-    `length`, `time`, `energy`: relative differences. `clearance`: least clearance in HIL minus that in SIL, m.
+    The distances (m) of the HIL track's points from the SIL track, root mean square and greatest, of the vehicle with
+    the largest; then the differences of `FIGURES`.
     """
-
-    path_rms: float
-    path_max: float
-    length: float
-    time: float
-    energy: float
-    clearance: float
-
-
-def compare(sil: Run, hil: Run) -> Fidelity:
-    """Compare two runs of one case and seed, whose vehicles have the same order."""
     apart = [distances(there.points, here) for here, there in zip(sil.tracks, hil.tracks, strict=True)]
-    a, b = sil.result, hil.result
-    return Fidelity(
-        max(float(np.sqrt(np.mean(each * each))) for each in apart),
-        max(float(each.max()) for each in apart),
-        b.path_length / a.path_length - 1.0,
-        b.duration / a.duration - 1.0,
-        b.energy / a.energy - 1.0,
-        b.least_clearance - a.least_clearance,
-    )
+    found = [max(float(np.sqrt(np.mean(each * each))) for each in apart), max(float(each.max()) for each in apart)]
+    for _, value, _, form in FIGURES:
+        a, b = value(sil.result), value(hil.result)
+        found.append(b / a - 1.0 if "%" in form else b - a)
+    return found
 
 
 def distances(points: Sequence[Point], track: Track) -> NDArray[np.float64]:
@@ -53,31 +45,15 @@ def distances(points: Sequence[Point], track: Track) -> NDArray[np.float64]:
     return nearest
 
 
-ROWS = (
-    ("distance between the paths, rms", "{:.3f} m"),
-    ("distance between the paths, greatest", "{:.3f} m"),
-    ("length", "{:+.2%}"),
-    ("time", "{:+.2%}"),
-    ("energy", "{:+.2%}"),
-    ("least clearance", "{:+.3f} m"),
-)
-
-
 def rows(sil: Run, hil: Run) -> list[list[str]]:
     """Return the rows of a table with SIL, HIL and their difference, column headings first."""
-    differences = compare(sil, hil)
-    a, b = sil.result, hil.result
-    both = {
-        "length": (f"{a.path_length:.2f} m", f"{b.path_length:.2f} m"),
-        "time": (f"{a.duration:.2f} s", f"{b.duration:.2f} s"),
-        "energy": (f"{a.energy / 1e3:.2f} kJ", f"{b.energy / 1e3:.2f} kJ"),
-        "least clearance": (f"{a.least_clearance:.3f} m", f"{b.least_clearance:.3f} m"),
-    }
-    head = [f"seed {a.seed}", "SIL", "HIL", "HIL against SIL"]
-    return [
-        head,
-        *(
-            [name, *both.get(name, ("", "")), form.format(value)]
-            for (name, form), value in zip(ROWS, differences, strict=True)
-        ),
+    rms, greatest, *differences = compare(sil, hil)
+    table = [
+        [f"seed {sil.result.seed}", "SIL", "HIL", "HIL against SIL"],
+        ["distance between the paths, rms", "", "", f"{rms:.3f} m"],
+        ["distance between the paths, greatest", "", "", f"{greatest:.3f} m"],
     ]
+    for (name, value, form, difference), apart in zip(FIGURES, differences, strict=True):
+        both = [form.format(value(run.result)) for run in (sil, hil)]
+        table.append([name, *both, difference.format(apart)])
+    return table

@@ -4,14 +4,13 @@ In SIL all vehicles run in one process and in simulated time; in HIL there are f
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from hil.cases.case import Case
 from hil.cases.hunt import processes
 from hil.cases.hunt.simulated import SimulatedHunt
-from hil.cases.hunt.watch import HuntWatch
+from hil.cases.hunt.watch import HuntWatch, modem_figures
 from hil.cases.record import Mode, Run, Track
-from hil.client.delay import quantiles
 from hil.common.ports import free_ports
 from hil.common.tables import csv_text, save_text
 from hil.master.hunt import HuntPlanner
@@ -42,23 +41,12 @@ class TargetHunting(Case):
         hunt = SimulatedHunt(scenario, watch)
         with self.viewer.show_simulated(scenario, dict(zip(hunt.nodes, hunt.vehicles, strict=True))) as shown:
             hunt.run(shown)
-        messages = _messages(hunt.channel.counts if hunt.channel else {})
+        messages = modem_figures(hunt.channel.counts if hunt.channel else {})
         return {"energy": hunt.energy, "planner_cpu": hunt.planner_cpu_s / hunt.time, **messages}
 
     def _fly_processes(self, scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
         with self.viewer.show_slaves(scenario):
-            costs = processes.fly(scenario, folder, watch)
-        delay = quantiles(costs.delays_ns)
-        return {
-            "energy": costs.energy,
-            "master_cpu": costs.agents_cpu,
-            "delay_p50": delay.p50_ms,
-            "delay_p99": delay.p99_ms,
-            "slowest slave (of real time)": costs.real_time,
-            "CPU of an agent (of a core)": costs.agents_cpu / len(scenario.member),
-            "CPU of a slave (of a core)": costs.slaves_cpu / len(scenario.member),
-            **_messages(costs.messages),
-        }
+            return processes.fly(scenario, folder, watch)
 
 
 def members_on_free_ports(scenario: str) -> list[Table]:
@@ -77,12 +65,6 @@ def members_on_free_ports(scenario: str) -> list[Table]:
         | {"listen": f"tcp/127.0.0.1:{next(ports)}", "agent": f"tcp/127.0.0.1:{next(ports)}"}
         for member in members
     ]
-
-
-def _messages(counts: Mapping[str, int]) -> dict[str, float]:
-    """Return the numbers of modem messages by outcome (sent, delivered, lost for a reason), by heading."""
-    outcomes = ("sent", "delivered", "collided", "deaf", "damaged", "too_weak") if counts else ()
-    return {f"modem: {outcome.replace('_', ' ')}": counts.get(outcome, 0) for outcome in outcomes}
 
 
 def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:

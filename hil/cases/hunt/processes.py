@@ -4,15 +4,16 @@ There is a slave with an emulated STM32 and an agent for each vehicle. This proc
 agents do not receive. If the vehicles have modems, it also simulates the acoustic channel between them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from hil.bench.processes import cpu_s
 from hil.cases.energy import EnergyMeter
-from hil.cases.hunt.watch import HuntRow, HuntWatch
+from hil.cases.hunt.watch import HuntRow, HuntWatch, modem_figures
 from hil.cases.process_group import ProcessGroup
 from hil.client.client import VehicleClient
+from hil.client.delay import quantiles
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import NetworkError
 from hil.common.stop import StopSignals, pause
@@ -33,24 +34,11 @@ FINAL_DIAGNOSTICS_S = 3.0  # greatest wait for diagnostics from after the end of
 _TOPICS = ("ground_truth", "formation")  # of a row
 
 
-class Costs(NamedTuple):
-    """Costs of a hunt.
+def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> dict[str, float]:
+    """Fly once, in real time, until `watch` ends the hunt; return what it cost.
 
-    `energy`: of all thrusters, J. `agents_cpu`, `slaves_cpu`: of all agents and all slaves, shares of a core.
-    `delays_ns`: of commands, from an agent's publishing to applied pulses. `real_time`: least real time factor of a
-    slave. `messages`: numbers of modem messages that were sent, delivered, and lost for each reason.
-    """
-
-    energy: float
-    agents_cpu: float
-    slaves_cpu: float
-    delays_ns: list[int]
-    real_time: float
-    messages: Mapping[str, int]
-
-
-def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
-    """Fly once, in real time, until `watch` ends the hunt. The logs of the processes go to `folder`.
+    The costs are fields of a case's `Result`, of all vehicles together, and others by their heading. The logs of the
+    processes go to `folder`.
 
     Raises KeyboardInterrupt on a stop signal, NetworkError if a process ends or stops sending.
     """
@@ -90,7 +78,7 @@ class _Observer:
         session.supervisor.watch_presence(self._is_complete)
         self._started_ns = now_ns()
 
-    def follow(self, stop_fd: int) -> Costs:
+    def follow(self, stop_fd: int) -> dict[str, float]:
         """Record the hunt until its end; return its costs."""
         self._wait_until_complete(stop_fd)
         before = self._cpu()
@@ -103,14 +91,18 @@ class _Observer:
         duration = (now_ns() - began) / NS_PER_S
         self._add_events(began, stop_fd)
         agents, slaves = ((now - then) / duration for now, then in zip(self._cpu(), before, strict=True))
-        return Costs(
-            sum(meter.joules for meter in self._meters),
-            agents,
-            slaves,
-            [delay for client in self._clients for delay in client.delays.totals_ns()],
-            min(or_nan(client.diagnostics().real_time_factor) for client in self._clients),
-            self._modems.counts if self._modems else {},
-        )
+        delays = [delay for client in self._clients for delay in client.delays.totals_ns()]
+        return {
+            "energy": sum(meter.joules for meter in self._meters),
+            "master_cpu": agents,
+            "delay_p50": quantiles(delays).p50_ms,
+            "delay_p99": quantiles(delays).p99_ms,
+            "commands measured": len(delays),
+            "slowest slave (of real time)": min(or_nan(each.diagnostics().real_time_factor) for each in self._clients),
+            "CPU of an agent (of a core)": agents / len(self._clients),
+            "CPU of a slave (of a core)": slaves / len(self._clients),
+            **modem_figures(self._modems.counts if self._modems else {}),
+        }
 
     def _add_events(self, began: int, stop_fd: int) -> None:
         """Add the events that the vehicles report; first wait for diagnostics from after the end of the hunt."""

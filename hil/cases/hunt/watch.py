@@ -154,3 +154,9 @@ def _ring(plan: HuntPlan, first: float) -> Sequence[Vector]:
     """Return evenly spaced places around the target, one of them at the bearing `first` (rad)."""
     bearings = [first + 2.0 * pi * number / len(plan.starts) for number in range(len(plan.starts))]
     return [(plan.target[0] + plan.ring * cos(b), plan.target[1] + plan.ring * sin(b)) for b in bearings]
+
+
+def modem_figures(counts: Mapping[str, int]) -> dict[str, float]:
+    """Return the numbers of modem messages by outcome (sent, delivered, lost for a reason), by heading."""
+    outcomes = ("sent", "delivered", "collided", "deaf", "damaged", "too_weak") if counts else ()
+    return {f"modem: {outcome.replace('_', ' ')}": counts.get(outcome, 0) for outcome in outcomes}

@@ -29,13 +29,12 @@ def test_four_processes_hunt_over_the_acoustic_channel(tmp_path: Path, monkeypat
     outcome = watch.result()
     assert outcome.success, outcome
     assert watch.judgement.separation > 1.0
-    counts = costs.messages
-    assert counts["sent"] >= 3 * outcome.duration
-    assert counts["delivered"] >= 0.8 * 3 * (counts["sent"] - 4)
+    assert costs["modem: sent"] >= 3 * outcome.duration
+    assert costs["modem: delivered"] >= 0.8 * 3 * (costs["modem: sent"] - 4)
     received = 0
     for member in scenario.member:
         output = (tmp_path / f"agent_{member.node}.log").read_text()
         found = re.search(r"reports: (\d+) received, \d+ from out of range, 0 malformed", output)
         assert found, output
         received += int(found[1])
-    assert received == pytest.approx(counts["delivered"], abs=12)
+    assert received == pytest.approx(costs["modem: delivered"], abs=12)
