@@ -16,12 +16,6 @@ DEFINITIONS = ("minimal.xml", "common.xml")
 MESSAGES = {
     "HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW", "RC_CHANNELS_OVERRIDE", "COMMAND_LONG", "COMMAND_ACK", "TIMESYNC",
 }  # fmt: skip
-ENTRIES = {
-    "MAV_AUTOPILOT_GENERIC", "MAV_CMD_COMPONENT_ARM_DISARM", "MAV_CMD_DO_SET_SERVO", "MAV_MODE_FLAG_SAFETY_ARMED",
-    "MAV_RESULT_ACCEPTED", "MAV_RESULT_DENIED", "MAV_RESULT_TEMPORARILY_REJECTED", "MAV_RESULT_UNSUPPORTED",
-    "MAV_STATE_ACTIVE", "MAV_STATE_CRITICAL", "MAV_STATE_STANDBY", "MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS",
-    "MAV_TYPE_SUBMARINE",
-}  # fmt: skip
 
 
 def version() -> str | None:
@@ -54,7 +48,7 @@ def _write_dialect(path: str) -> None:
     ElementTree.SubElement(root, "dialect").text = "0"
     enums, messages = ElementTree.SubElement(root, "enums"), ElementTree.SubElement(root, "messages")
     for definitions in map(_definitions, DEFINITIONS):
-        enums.extend(filter(_drop_unused, definitions.iter("enum")))
+        enums.extend(definitions.iter("enum"))
         messages.extend(message for message in definitions.iter("message") if message.get("name") in MESSAGES)
     ElementTree.ElementTree(root).write(path)
 
@@ -63,11 +57,3 @@ def _definitions(name: str) -> ElementTree.Element:
     import pymavlink
 
     return ElementTree.parse(os.path.join(os.path.dirname(pymavlink.__file__), "dialects", "v20", name)).getroot()
-
-
-def _drop_unused(enum: ElementTree.Element) -> bool:
-    """Drop the entries that the firmware does not use; return whether any is left."""
-    for entry in enum.findall("entry"):
-        if entry.get("name") not in ENTRIES:
-            enum.remove(entry)
-    return enum.find("entry") is not None

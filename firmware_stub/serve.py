@@ -4,18 +4,16 @@ import argparse
 import select
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, NamedTuple
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import HilError
+from hil.common.errors import ConfigError, HilError
 from hil.common.lifeline import die_with_parent
 from hil.common.options import Quantity, new_parser
-from hil.common.schema import Range, parse
 from hil.common.stop import StopSignals
 from hil.common.tables import settings
 from hil.links.address import incompatibility, open_address
-from hil.links.contract import MAX_THRUSTERS, ThrusterLink
+from hil.links.contract import ThrusterLink
 from hil.links.options import add_link
 from hil.links.protocols import open_protocol
 from hil.links.wires.suspension import SuspendableWire
@@ -34,42 +32,26 @@ examples:
 """
 
 
-class Options(NamedTuple):
-    """Options of the command line, validated like a file."""
-
-    port: str
-    protocol: str
-    frame: str
-    baud: Annotated[int, Range(1200, 12_000_000, "bit/s")]
-    bitrate: Annotated[int, Range(10_000, 1_000_000, "bit/s")]
-    channels: Annotated[int, Range(1, MAX_THRUSTERS)]
-    watchdog: Annotated[float, Range(0.01, 60.0, "s")]
-    option: tuple[str, ...]
-    quiet: bool = False
-
-    def validate(self) -> str | None:
-        """Return why protocol and port do not fit each other; None if they do."""
-        return incompatibility(self.protocol, self.port)
-
-
 def main(argv: list[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; return the exit code. `argv` is without the command's name."""
     die_with_parent()
     try:
         parser = new_parser("stm32", __doc__, EXAMPLES)
         add_options(parser)
-        start(vars(parser.parse_args(argv)))
+        start(parser.parse_args(argv))
     except HilError as error:
         print(f"{NAME}: {error}", file=sys.stderr)
         return error.exit_code
     return 0
 
 
-def start(options: dict[str, Any]) -> None:
+def start(options: argparse.Namespace) -> None:
     """Run with these values of `add_options` until SIGINT or SIGTERM. Raises HilError."""
-    checked = parse(options, Options, "command line")
+    problem = incompatibility(options.protocol, options.port)
+    if problem:
+        raise ConfigError(f"command line: {problem}")
     with StopSignals() as stop_fd:
-        _run(checked, stop_fd)
+        _run(options, stop_fd)
 
 
 def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None = None) -> None:
@@ -93,7 +75,7 @@ def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None
         end.close()
 
 
-def _run(options: Options, stop_fd: int) -> None:
+def _run(options: argparse.Namespace, stop_fd: int) -> None:
     chosen = settings(options.option, "option:")
     if options.protocol == "frame":
         chosen["frame"] = options.frame

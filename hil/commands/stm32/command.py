@@ -1,7 +1,5 @@
 """`uuv-hil stm32`: emulate the STM32 alone, on a pty or a serial port; flash a real one, and check its outputs."""
 
-from argparse import Namespace
-
 from firmware_stub import serve
 from hil.commands.stm32 import check, flash
 from hil.common.errors import ConfigError
@@ -48,11 +46,5 @@ def main(arguments: list[str]) -> int:
         return flash.run(options)
     if options.action == "check":
         return check.run(options)
-    return _emulate(options)
-
-
-def _emulate(options: Namespace) -> int:
-    values = vars(options)
-    del values["action"]
-    serve.start(values)
+    serve.start(options)
     return 0

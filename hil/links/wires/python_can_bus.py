@@ -37,7 +37,7 @@ class PythonCanWire(Wire):
         self.name = f"can:{interface}:{channel}"
         self._bus: BusABC | None = _open_bus(self.name, interface, channel, bitrate)
         self._can = sys.modules["can"]  # an import statement for each frame would cost as much as sending it
-        self._reader = _Reader(_Source(self._bus))
+        self._reader = _Reader(self._bus)
 
     def fileno(self) -> int:
         """Return the descriptor to wait on for frames; -1 once closed."""
@@ -94,41 +94,21 @@ class PythonCanWire(Wire):
         return DeviceError(f"{self.name}: went away ({_first_line(reason)}); reconnect it")
 
 
-class _Source:
-    """Frames of a driver. One that it cannot decode is `DAMAGED`; so many without any other are a failure."""
-
-    MOST_DAMAGED = 10_000
-
-    def __init__(self, bus: "BusABC") -> None:
-        self._bus = bus
-        self._damaged = 0  # in a row
-
-    def next_record(self, timeout: float) -> bytes | None:
-        """Return the next record, b"" for what is not a data frame; None if none comes within `timeout` (s).
-
-        Raises whatever the driver raises when the device is lost.
-        """
-        try:
-            message = self._bus.recv(timeout)
-        except Exception as error:
-            self._damaged += 1
-            if _system_error(error) or self._damaged > self.MOST_DAMAGED:
-                raise
-            return DAMAGED
-        self._damaged = 0
-        return _record_of_message(message) if message else None
-
-
 class _Reader:
-    """Thread that reads a driver without delay for others; `fd` is readable when there are records."""
+    """Thread that reads a driver without delay for others; `fd` is readable when there are records.
+
+    A frame that the driver cannot decode is `DAMAGED`; so many without any other are a failure.
+    """
 
     PERIOD_S = 0.02  # polling period for `stop` and for `discard_messages`
+    MOST_DAMAGED = 10_000
     EMPTY_WITHIN_S = 0.5  # a bus with so much traffic that it is never empty is left to `pop_messages`
 
-    def __init__(self, source: _Source) -> None:
+    def __init__(self, bus: "BusABC") -> None:
         self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._failure: Exception | None = None
-        self._source = source
+        self._bus = bus
+        self._damaged = 0  # in a row
         self._records: queue.Queue[bytes] = queue.Queue(MAX_FRAMES)
         self._stopped = threading.Event()
         self._emptied: threading.Event | None = None  # while the thread empties the bus: set when it has done so
@@ -171,15 +151,30 @@ class _Reader:
                     self._empty_bus()
                     self._emptied = None
                     emptied.set()
-                record = self._source.next_record(self.PERIOD_S)
+                record = self._next_record(self.PERIOD_S)
                 if record:
                     self._store(record)
         except Exception as error:  # noqa: BLE001 - whatever a driver raises
             self._failure = error
             os.eventfd_write(self.fd, 1)
 
+    def _next_record(self, timeout: float) -> bytes | None:
+        """Return the next record, b"" for what is not a data frame; None if none comes within `timeout` (s).
+
+        Raises whatever the driver raises when the device is lost.
+        """
+        try:
+            message = self._bus.recv(timeout)
+        except Exception as error:
+            self._damaged += 1
+            if _system_error(error) or self._damaged > self.MOST_DAMAGED:
+                raise
+            return DAMAGED
+        self._damaged = 0
+        return _record_of_message(message) if message else None
+
     def _empty_bus(self) -> None:
-        while self._emptied and self._source.next_record(0.0) is not None:
+        while self._emptied and self._next_record(0.0) is not None:
             self._discarded += 1
 
     def _store(self, record: bytes) -> None:

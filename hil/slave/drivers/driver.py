@@ -215,7 +215,7 @@ class ThrusterDriver(ABC):
         """Use a link that has just been opened."""
         self._ends = ends
         self.port, self.host = ends.port, ends.host
-        self.children = (ends.process.pid,) if ends.process else ()
+        self.children = ends.children
         self.descriptors = [end.fileno() for end in (ends.device, ends.host and ends.host.wire) if end]
 
     @abstractmethod

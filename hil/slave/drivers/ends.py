@@ -1,6 +1,7 @@
 """The ends of a thruster link that the slave has opened, and functions that open them."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import NamedTuple, Protocol
 
 from hil.common.clock import seconds_ns
@@ -53,18 +54,19 @@ class Ends(NamedTuple):
     """Open resources of one thruster link.
 
     `port` is the path or address at which another program may command the thrusters. `host` is the end that sends
-    commands; None if another program does. `device` is the STM32's end if that is in this process. `process` is the
-    process that simulates the STM32, if there is one.
+    commands; None if another program does. `device` is the STM32's end if that is in this process. `started` ends the
+    process that simulates the STM32, whose id is in `children`, if there is one.
     """
 
     port: str
     host: ThrusterLink | None
     device: DeviceEnd | None = None
-    process: Process | None = None
+    children: tuple[int, ...] = ()
+    started: ExitStack | None = None
 
     def close(self) -> None:
         """Close the host's end first and the simulated STM32 last."""
-        for end in self[1:]:
+        for end in (self.host, self.device, self.started):
             if end:
                 end.close()
 

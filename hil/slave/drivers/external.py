@@ -2,28 +2,16 @@
 
 import os
 from collections.abc import Callable
+from contextlib import ExitStack
 
 from hil.common.clock import NS_PER_US, now_ns
 from hil.common.errors import ConfigError
 from hil.common.scratch import ScratchFolder
 from hil.links.address import open_address, parse_address
-from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire, is_overtaken
+from hil.links.contract import ThrusterLink, ThrusterTelemetry, is_overtaken
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import ThrusterDriver
 from hil.slave.drivers.ends import Ends, Process, host_end, telemetry_of
-
-
-class _InFolder:
-    """A process with a scratch folder that is removed after the process has ended."""
-
-    def __init__(self, process: Process, folder: ScratchFolder) -> None:
-        self.pid = process.pid
-        self._process, self._folder = process, folder
-
-    def close(self) -> None:
-        """End the process and remove the folder."""
-        self._process.close()
-        self._folder.close()
 
 
 class ExternalDriver(ThrusterDriver):
@@ -82,37 +70,30 @@ def open_process(link: Link, channels: int, seed: int, host: bool) -> Ends:
     command += ["--channels", str(channels), "--watchdog", f"{link.watchdog} s"]
     for key, value in link.options.items():
         command += ["--option", f"{key}={value}"]
-    port, stm32 = _start_at(link.port, lambda port: Child([*command, "--port", port], package_environment()))
-    return _reached(stm32, lambda: open_address(port, "host", link.baud, link.bitrate), link, channels, seed)
+    return _start(link, channels, seed, lambda port: Child([*command, "--port", port], package_environment()))
 
 
 def open_native(link: Link, channels: int, seed: int, host: bool) -> Ends:
     """Start the firmware in C as a process of this machine, and open the link to it on a pty. Raises DeviceError."""
     from firmware_stub.native import NativeStm32
 
-    port, stm32 = _start_at(link.port, lambda port: NativeStm32(parse_address(port).target, channels, link.watchdog))
-    return _reached(stm32, lambda: open_address(port, "host"), link, channels, seed)
+    return _start(link, channels, seed, lambda port: NativeStm32(parse_address(port).target, channels, link.watchdog))
 
 
-def _reached(stm32: Process, open_wire: Callable[[], Wire], link: Link, channels: int, seed: int) -> Ends:
-    """Open the link to a process that simulates the STM32; end the process if that fails."""
-    try:
-        wire = open_wire()
-        return Ends(wire.name, host_end(wire, link, channels, seed), process=stm32)
-    except BaseException:
-        stm32.close()
-        raise
+def _start(link: Link, channels: int, seed: int, start: Callable[[str], Process]) -> Ends:
+    """Start the simulated STM32 at an address, and open the link to it; end all that was started if that fails.
 
-
-def _start_at(port: str, start: Callable[[str], Process]) -> tuple[str, Process]:
-    """Start the simulated STM32 at the address `port`; without a path in it, on a pty in a new scratch folder."""
-    if parse_address(port).target:
-        return port, start(port)
-    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
-    folder = ScratchFolder("stm32", runtime if os.access(runtime, os.W_OK) else "")
-    port = f"pty:{folder.file('stm32')}"
-    try:
-        return port, _InFolder(start(port), folder)
-    except BaseException:
-        folder.close()
-        raise
+    Without a path in the link's port that is a pty in a new scratch folder.
+    """
+    with ExitStack() as started:
+        port = link.port
+        if not parse_address(port).target:
+            runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+            folder = ScratchFolder("stm32", runtime if os.access(runtime, os.W_OK) else "")
+            started.callback(folder.close)
+            port = f"pty:{folder.file('stm32')}"
+        stm32 = start(port)
+        started.callback(stm32.close)
+        wire = open_address(port, "host", link.baud, link.bitrate)
+        host = host_end(wire, link, channels, seed)
+        return Ends(wire.name, host, children=(stm32.pid,), started=started.pop_all())
