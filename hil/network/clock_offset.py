@@ -8,6 +8,7 @@ then all earlier exchanges are discarded.
 """
 
 import threading
+from bisect import bisect_right
 from typing import NamedTuple
 
 from hil.common.clock import NS_PER_S
@@ -96,7 +97,8 @@ class ClockOffset:
 
     def _best_of(self, points: list[_Point], time_ns: int) -> _Point:
         """Return the exchange with the least uncertainty at a time. After the last exchange it stays the same."""
-        last = _after(points, time_ns) + NEAREST // 2 if time_ns < points[-1].time_ns else len(points)
+        later = bisect_right(points, time_ns, key=lambda point: point.time_ns)
+        last = min(later + NEAREST // 2, len(points))
         rate = self._drift_error
         near = points[max(last - NEAREST, 0) : last] or points[-1:]
         return min(near, key=lambda point: point.half_ns + rate * abs(time_ns - point.time_ns))
@@ -135,12 +137,3 @@ class ClockOffset:
         if error < MAX_DRIFT:
             self._drift = max(-MAX_DRIFT, min((last.offset_ns - first.offset_ns) / span, MAX_DRIFT))
             self._drift_error = error
-
-
-def _after(points: list[_Point], time_ns: int) -> int:
-    """Return the index of the first point later than `time_ns`; `points` are sorted."""
-    low, high = 0, len(points)
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if points[middle].time_ns > time_ns else (middle + 1, high)
-    return low

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import zenoh
@@ -26,21 +27,11 @@ _PRIORITIES: dict[Priority, zenoh.Priority] = {
 }
 
 
-class _Ended:
-    """Replacement for a publisher of a closed session: it publishes nothing and has no subscribers."""
-
-    matching = False
-
-    @property
-    def matching_status(self) -> "_Ended":
-        """This object, whose `matching` is false: there are no subscribers."""
-        return self
-
-    def put(self, _payload: bytes, attachment: bytes = b"") -> None:
-        """Do nothing."""
-
-    def declare_matching_listener(self, _handler: Any) -> None:
-        """Do nothing."""
+def _ended() -> SimpleNamespace:
+    """Return what replaces a publisher of a closed session: it publishes nothing and has no subscribers."""
+    return SimpleNamespace(
+        put=lambda *_, **__: None, matching_status=SimpleNamespace(matching=False), declare_matching_listener=bool
+    )
 
 
 def close_session(session: zenoh.Session) -> None:
@@ -69,11 +60,11 @@ class Declared:
 
     def end_publishing(self) -> None:
         """Undeclare `current` if it is a publisher; later messages are dropped."""
-        if not hasattr(self.current, "put") or isinstance(self.current, _Ended):
+        if not hasattr(self.current, "put") or isinstance(self.current, SimpleNamespace):
             return
         from hil.network.workarounds.kept_session import undeclare
 
-        publisher, self.current = self.current, _Ended()  # later calls of `put` no longer reach the publisher
+        publisher, self.current = self.current, _ended()  # later calls of `put` no longer reach the publisher
         undeclare(publisher)
 
 

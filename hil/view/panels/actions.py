@@ -134,12 +134,11 @@ class Actions:
         playback = self._source.playback
         if playback is None:
             raise ConfigError("the time of vehicles on the network cannot be changed")
-        if "paused" in act:
-            playback.paused = act["paused"] is True
-        if "speed" in act:
-            playback.speed = min(max(_number(act, "speed"), 0.01), 1000.0)
-        if "seek" in act:
-            playback.seek(_number(act, "seek"))
+        playback.change(
+            _number(act, "seek") if "seek" in act else None,
+            act["paused"] is True if "paused" in act else None,
+            min(max(_number(act, "speed"), 0.01), 1000.0) if "speed" in act else None,
+        )
         if act.get("step"):
             playback.step()
         return ""

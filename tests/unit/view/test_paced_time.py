@@ -20,21 +20,21 @@ def test_time_runs_pauses_steps_seeks_and_ends() -> None:
     time = PacedTime(10.0, clock)
     clock.advance(2.0)
     assert time.time == 2.0
-    time.speed = 4.0
+    time.change(speed=4.0)
     clock.advance(0.5)
     assert time.time == 4.0
-    time.paused = True
+    time.change(paused=True)
     clock.advance(3.0)
     assert time.time == 4.0
     time.step()
     assert time.time == 4.0 + STEP_S
     assert time.paused
-    time.paused = False
+    time.change(paused=False)
     clock.advance(100.0)
     assert time.time == 10.0, "the end"
-    time.seek(1.5)
+    time.change(1.5)
     assert time.time == 1.5
-    time.seek(-3.0)
+    time.change(-3.0)
     assert time.time == 0.0
 
 

@@ -36,7 +36,7 @@ def recording(monkeypatch: pytest.MonkeyPatch, samples: dict[str, Any]) -> Recor
     ]
     monkeypatch.setattr(recorded, "read_messages", lambda _: iter(messages))
     source = RecordedSource("dive.mcap")
-    source.playback.seek(len(messages) / NS_PER_S)
+    source.playback.change(len(messages) / NS_PER_S)
     return source
 
 
