@@ -174,15 +174,17 @@ class Lines:
 
 
 class StreamInstrument(Instrument):
-    """Hands on each message of a client."""
+    """Hands on each message of a client: by default each line, of which `longest` bytes count."""
+
+    longest = 256
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
         self.readers: dict[Client, Any] = {}  # by the clients that are there
 
-    @abstractmethod
     def new_reader(self, client: Client) -> Reader:
         """Return the reader of a client."""
+        return Lines(self.longest)
 
     @abstractmethod
     def on_message(self, client: Client, message: Any, now_ns: int) -> None:
@@ -202,13 +204,3 @@ class StreamInstrument(Instrument):
         for message in reader.read(data, now_ns):
             self.on_message(client, message, now_ns)
         self.malformed, reader.malformed = self.malformed + reader.malformed, 0
-
-
-class LineInstrument(StreamInstrument):
-    """Hands on each line, which has no end and is not empty; `longest` as for `Lines`."""
-
-    longest = 256
-
-    def new_reader(self, client: Client) -> Reader:
-        """Return the reader of a client."""
-        return Lines(self.longest)

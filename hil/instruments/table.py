@@ -7,8 +7,8 @@ from hil.instruments.contract import Instrument
 
 INSTRUMENTS: dict[str, str] = {
     "cerulean_s500": "hil.instruments.ping.s500:S500",
-    "keller_33x": "hil.instruments.depth.keller:Keller33X",
-    "paroscientific_digiquartz": "hil.instruments.depth.paroscientific:Digiquartz",
+    "keller_33x": "hil.instruments.keller:Keller33X",
+    "paroscientific_digiquartz": "hil.instruments.paroscientific:Digiquartz",
     "network_camera": "hil.instruments.camera:NetworkCamera",
     "ping1d": "hil.instruments.ping.ping1d:Ping1D",
     "ping2": "hil.instruments.ping.ping1d:Ping2",

@@ -5,7 +5,7 @@ Each request of HTTP comes in a thread of its own.
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import NamedTuple, cast
+from typing import cast
 from urllib.parse import parse_qsl, urlsplit
 
 from hil.common.clock import NS_PER_S
@@ -21,13 +21,6 @@ LARGEST = 1 << 20  # bytes of a request
 # method, path, query, body -> answer; None: the device is silent
 Serve = Callable[[str, str, dict[str, str], bytes], Response | None]
 SILENT_NS = 600 * NS_PER_S  # after which a partner by datagrams is forgotten: many only listen once they have begun
-
-
-class Received(NamedTuple):
-    """What a client has done: b"" of one that is new, None of one that has gone."""
-
-    client: Client
-    data: bytes | None
 
 
 class Wires:
@@ -56,8 +49,8 @@ class Wires:
         """Return what to wait on."""
         return [fd for _, _, link in self._links for fd in link.descriptors()]
 
-    def receive(self, now_ns: int) -> Iterator[Received]:
-        """Yield what has come, in its order, and who has come and gone."""
+    def receive(self, now_ns: int) -> Iterator[tuple[Client, bytes | None]]:
+        """Yield what has come, in its order: b"" of a client that is new, None of one that has gone."""
         present: set[Client] = set()
         for number, kind, link in self._links:
             link.tick(now_ns)
@@ -68,12 +61,12 @@ class Wires:
                 client = Client(number, kind, address)
                 if client not in self._clients:
                     self._clients[client] = link
-                    yield Received(client, b"")
+                    yield client, b""
                 if data:
-                    yield Received(client, data)
+                    yield client, data
         for client in self._clients.keys() - present:
             del self._clients[client]
-            yield Received(client, None)
+            yield client, None
 
     def clients(self) -> list[Client]:
         """Return who is there."""

@@ -5,7 +5,6 @@ beacon's plane.
 """
 
 from collections.abc import Callable
-from enum import IntEnum
 from math import asin, atan2, degrees, hypot, log10, radians
 from struct import pack
 from typing import Any, NamedTuple
@@ -26,41 +25,22 @@ _REBOOT = b"\x95\x6a"
 _MOST_QUEUED = 30  # bytes
 
 
-class Cid(IntEnum):
+class Cid:
     """Commands, and what a beacon reports."""
 
-    SYS_ALIVE = 0x01
-    SYS_INFO = 0x02
-    SYS_REBOOT = 0x03
-    STATUS = 0x10
-    STATUS_CFG_GET = 0x11
-    STATUS_CFG_SET = 0x12
-    SETTINGS_GET = 0x15
-    SETTINGS_SET = 0x16
-    SETTINGS_LOAD = 0x17
-    SETTINGS_SAVE = 0x18
-    SETTINGS_RESET = 0x19
-    XCVR_FIX = 0x39
-    XCVR_STATUS = 0x3A
-    PING_SEND = 0x40
-    ECHO_SEND = 0x48
-    NAV_QUERY_SEND = 0x50
-    DAT_SEND = 0x60
-    DAT_QUEUE_SET = 0x64
-    DAT_QUEUE_CLR = 0x65
-    DAT_QUEUE_STATUS = 0x66
+    SYS_ALIVE, SYS_INFO, SYS_REBOOT = 0x01, 0x02, 0x03
+    STATUS, STATUS_CFG_GET, STATUS_CFG_SET = 0x10, 0x11, 0x12
+    SETTINGS_GET, SETTINGS_SET, SETTINGS_LOAD, SETTINGS_SAVE, SETTINGS_RESET = 0x15, 0x16, 0x17, 0x18, 0x19
+    XCVR_FIX, XCVR_STATUS = 0x39, 0x3A
+    PING_SEND, ECHO_SEND, NAV_QUERY_SEND, DAT_SEND = 0x40, 0x48, 0x50, 0x60
+    DAT_QUEUE_SET, DAT_QUEUE_CLR, DAT_QUEUE_STATUS = 0x64, 0x65, 0x66
 
 
-class Cst(IntEnum):
+class Cst:
     """Results of commands, and states of the transceiver."""
 
-    OK = 0x00
-    PARAM_MISSING = 0x04
-    PARAM_INVALID = 0x05
-    BUSY = 0x30
-    TIMEOUT = 0x34
-    IDLE = 0x3B
-    REQUESTING = 0x3D
+    OK, PARAM_MISSING, PARAM_INVALID = 0x00, 0x04, 0x05
+    BUSY, TIMEOUT, IDLE, REQUESTING = 0x30, 0x34, 0x3B, 0x3D
 
 
 # Kinds of acoustic messages; a response has the number of its request plus 1.

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, seconds_ns
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, LineInstrument, Scene, Send
+from hil.instruments.contract import Client, Facts, Scene, Send, StreamInstrument
 from hil.instruments.seatrac import beacon as messages
 from hil.instruments.seatrac.beacon import Beacon, Cid, Cst, Place
 from sim.environment.seawater.pressure import ATMOSPHERE_PA
@@ -52,7 +52,7 @@ class Exchange(NamedTuple):
     content: bytes
 
 
-class SeatracLink(LineInstrument):
+class SeatracLink(StreamInstrument):
     """The two beacons, ids 15 (station) and 1 (vehicle). A ping needs the sound's time there and back.
 
     Ranges and angles are those of the USBL sensor, measured when the vehicle hears or answers. Messages go through the
@@ -153,7 +153,7 @@ class SeatracLink(LineInstrument):
 
     def _begin(self, beacon: Beacon, command: int, payload: bytes, now_ns: int) -> bytes:
         """Send a message into the water; return the answer to the command."""
-        most = _DATA[Cid(command)]
+        most = _DATA[command]
         destination, kind, size = (payload + bytes(3))[:3] if most else (*(payload + bytes(2))[:2], 0)
         content = payload[3 : 3 + size]
         if command == Cid.NAV_QUERY_SEND:  # has flags of a query in place of a kind

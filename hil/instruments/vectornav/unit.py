@@ -7,7 +7,7 @@ from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
 from hil.common.plugins import load_object
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from hil.instruments.contract import Client, Facts, LineInstrument, Scene, Send
+from hil.instruments.contract import Client, Facts, Scene, Send, StreamInstrument
 from hil.instruments.gps.sky import make_epoch
 from hil.instruments.vectornav.outputs import DEVICE, MEASURED, NO_EPOCH, Measurement, checksum, parse_output, text_of
 from hil.instruments.vectornav.outputs import line as encode_line
@@ -44,7 +44,7 @@ class UnitSettings(NamedTuple):
     magnetometer: MagnetometerModel = MagnetometerModel()
 
 
-class Vn100(LineInstrument):
+class Vn100(StreamInstrument):
     """A VN-100 from its factory settings on: YMR at 40 Hz until a client configures it.
 
     Attitude, rates and accelerations are those of the sensor, so an output is at most as fast as that: give it a rate

@@ -7,8 +7,8 @@ import pytest
 from keller_protocol.keller_protocol import KellerProtocol
 
 from hil.common.clock import NS_PER_MS
-from hil.instruments.depth.keller import Keller33X, KellerSettings
-from hil.instruments.depth.paroscientific import Digiquartz, DigiquartzSettings
+from hil.instruments.keller import Keller33X, KellerSettings
+from hil.instruments.paroscientific import Digiquartz, DigiquartzSettings
 from sim.sensors.pressure import PressureModel
 from sim.sensors.samples import PressureSample
 from tests.support.instrument_bench import CLIENT, WALL_NS, Bench, Line, crc_a001

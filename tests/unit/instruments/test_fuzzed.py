@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
+from hil.instruments import keller
 from hil.instruments.contract import Instrument
-from hil.instruments.depth import keller
-from hil.instruments.depth.keller import Keller33X
-from hil.instruments.depth.paroscientific import Digiquartz
 from hil.instruments.dvl.pathfinder import Pathfinder
 from hil.instruments.dvl.unit import A50
 from hil.instruments.gps.receiver import Receiver
 from hil.instruments.gps.ubx import frame
+from hil.instruments.keller import Keller33X
+from hil.instruments.paroscientific import Digiquartz
 from hil.instruments.seatrac.link import SeatracLink
 from hil.instruments.vectornav.outputs import line
 from hil.instruments.vectornav.unit import Vn200

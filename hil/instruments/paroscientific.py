@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, LineInstrument, Scene, Send
+from hil.instruments.contract import Client, Facts, Scene, Send, StreamInstrument
 
 _COMMAND = re.compile(rb"\*(\d\d)(\d\d)([A-Z]{2}|[A-Z]\d)(?:=([^*\r\n]{1,8}))?")
 _ALL = b"99"
@@ -28,7 +28,7 @@ class DigiquartzSettings(NamedTuple):
     temperature: Annotated[float, Range(-10.0, 80.0, "°C")] = 10.0
 
 
-class Digiquartz(LineInstrument):
+class Digiquartz(StreamInstrument):
     """The transmitter: P3 and Q3 return pressure and temperature, P4 pressure until another command comes.
 
     A parameter (unit UN, address ID, and PR, TR, PI, TI, MD, which have no effect) is set by XX=value just after EW, on
