@@ -7,7 +7,7 @@ from struct import pack
 from typing import Any
 
 from hil.common.clock import NS_PER_S, NS_PER_US, to_wall_ns
-from hil.instruments.dvl.report import Config, DeadReckoning, Report
+from hil.instruments.dvl.report import DeadReckoning, DvlSettings, Report
 from hil.links.frame.checksums import CRCS, SUMS, crc_checksum
 
 JSON_VERSION = "json_v3.2"  # of software 2.7.1
@@ -35,7 +35,7 @@ def json_line(kind: str, fields: dict[str, Any]) -> bytes:
     return json.dumps(message, separators=(",", ":")).encode() + b"\r\n"
 
 
-def json_report(report: Report, config: Config, now_ns: int) -> bytes:
+def json_report(report: Report, config: DvlSettings, now_ns: int) -> bytes:
     """Return a ping's velocities and transducers."""
     vx, vy, vz = report.velocity
     fields = {
@@ -56,7 +56,7 @@ def json_position(reckoning: DeadReckoning, now_ns: int) -> bytes:
     return json_line("position_local", fields)
 
 
-def lines_report(report: Report, config: Config, now_ns: int) -> bytes:
+def lines_report(report: Report, config: DvlSettings, now_ns: int) -> bytes:
     """Return the lines of a ping."""
     velocity = [f"{speed:.3f}" for speed in report.velocity]
     covariance = ";".join(f"{x:.6g}" for row in report.covariance for x in row)
@@ -69,7 +69,7 @@ def lines_report(report: Report, config: Config, now_ns: int) -> bytes:
     return data
 
 
-def all_lines_report(report: Report, config: Config, now_ns: int) -> bytes:
+def all_lines_report(report: Report, config: DvlSettings, now_ns: int) -> bytes:
     """Return the lines of a ping, and those of the deprecated format."""
     data = lines_report(report, config, now_ns)
     if not report.is_water:
@@ -87,7 +87,7 @@ def line_position(reckoning: DeadReckoning, now_ns: int) -> bytes:
     return line("wrp", f"{to_wall_ns(now_ns) / NS_PER_S:.3f}", *numbers, *angles, 0)
 
 
-def encode_pd6(report: Report, config: Config, now_ns: int = 0) -> bytes:
+def encode_pd6(report: Report, config: DvlSettings, now_ns: int = 0) -> bytes:
     """Return the ten sentences of one ping: velocity in mm/s, altitude in m."""
     wall = time.gmtime(report.validity_us // 1_000_000)
     stamp = time.strftime("%y%m%d%H%M%S", wall) + f"{report.validity_us // 10_000 % 100:02d}"
@@ -109,7 +109,7 @@ def encode_pd6(report: Report, config: Config, now_ns: int = 0) -> bytes:
     return "".join(f"{sentence}\r\n" for sentence in sentences).encode()
 
 
-def encode_pd4(report: Report, config: Config, now_ns: int = 0) -> bytes:
+def encode_pd4(report: Report, config: DvlSettings, now_ns: int = 0) -> bytes:
     """Return the structure of one ping: velocity in mm/s, ranges in cm; -32768 is no velocity."""
     wall, none = time.gmtime(report.validity_us // 1_000_000), [_NO_VELOCITY] * 4
     speeds = [*[_millimetres(speed) for speed in report.velocity], 0] if report.is_valid else none
@@ -127,7 +127,7 @@ def _millimetres(speed: float) -> int:
 
 
 # Name of a format -> what it makes of a ping and, if anything, of the dead reckoning.
-Encode = Callable[[Report, Config, int], bytes]
+Encode = Callable[[Report, DvlSettings, int], bytes]
 FORMATS: dict[str, tuple[Encode, Callable[[DeadReckoning, int], bytes] | None]] = {
     "json": (json_report, json_position),
     "lines": (lines_report, line_position),

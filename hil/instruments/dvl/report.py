@@ -6,10 +6,11 @@ Source of all figures that are not marked as ours: Water Linked's documentation 
 import re
 from collections.abc import Mapping
 from math import cos, degrees, inf, log10, radians, sin, sqrt
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.common.clock import NS_PER_S
-from hil.common.schema import Range, parse
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, parse, shortened
 from hil.common.vectors import Quaternion, Vector3
 from sim.rotations import down_axis, from_euler, multiply, rotate, to_euler
 
@@ -26,23 +27,44 @@ NOISE_DBM = -95.0  # ours: spectral density of the noise, and strength of an ech
 ECHO_DBM = -35.0
 
 
-class Config(NamedTuple):
-    """The configuration that clients read and set."""
+# The options of a configuration, in the order of `wcs` and `wrc`.
+OPTIONS = (
+    "speed_of_sound", "mounting_rotation_offset", "acoustic_enabled", "dark_mode_enabled", "range_mode",
+    "periodic_cycling_enabled",
+)  # fmt: skip
 
-    speed_of_sound: Annotated[float, Range(1000.0, 2000.0)] = 1500.0  # m/s
+
+class DvlSettings(NamedTuple):
+    """Settings of a DVL A50 or A125: its configuration when it is new, and its formats.
+
+    `formats` are those of its TCP wires, in their order (default: JSON for all). `serial_protocol` is the number of
+    `wcp`: 0 nothing, 1 and 3 lines with and without the old sentences, 2 PD6, 6 PD4. What clients set outlives a loss
+    of power, but not the process.
+    """
+
+    speed_of_sound: Annotated[float, Range(1000.0, 2000.0, "m/s")] = 1500.0
+    mounting_rotation_offset: Annotated[float, Range(0.0, 360.0)] = 0.0
     acoustic_enabled: bool = True
     dark_mode_enabled: bool = False
-    mounting_rotation_offset: Annotated[float, Range(0.0, 360.0)] = 0.0  # degrees
     range_mode: str = "auto"
     periodic_cycling_enabled: bool = True
+    formats: tuple[Literal["json", "pd6", "pd4"], ...] = ()
+    serial_protocol: Annotated[int, Range(0, 6)] = 1
 
     def validate(self) -> str | None:
         """Return why the range mode is invalid, or None."""
         return None if self.is_water or self.modes else "range_mode: expected auto, =a, a<=b or wt"
 
-    def changed(self, values: Mapping[str, Any]) -> "Config":
-        """Return the configuration with other values. Raises ConfigError, which says what the device does not take."""
-        return parse({**self._asdict(), **values}, Config, "set_config")
+    def options(self) -> dict[str, Any]:
+        """Return what clients read and set."""
+        return {name: getattr(self, name) for name in OPTIONS}
+
+    def changed(self, values: Mapping[str, Any]) -> "DvlSettings":
+        """Return the settings with other options. Raises ConfigError, which says what the device does not take."""
+        if unknown := [name for name in values if name not in OPTIONS]:
+            raise ConfigError(f"set_config: no option {shortened(unknown[0])}")
+        changed = parse({**self.options(), **values}, DvlSettings, "set_config")
+        return changed._replace(formats=self.formats, serial_protocol=self.serial_protocol)
 
     @property
     def is_water(self) -> bool:
@@ -102,7 +124,7 @@ def with_fix(
     altitude: float,
     orientation: Quaternion,
     noise: float,
-    config: Config,
+    config: DvlSettings,
     true_speed: float,
 ) -> Report:
     """Return a report with the velocity (m/s) and altitude (m, -1 without) along the sensor's axes.
@@ -135,7 +157,7 @@ class RangeMode:
     def __init__(self) -> None:
         self.number: int | None = None
 
-    def follow(self, altitude: float | None, config: Config, most: float) -> bool:
+    def follow(self, altitude: float | None, config: DvlSettings, most: float) -> bool:
         """Take the altitude of a ping (m; None: no echo); return whether the device has lock. It reaches `most` m."""
         fitting = [
             mode
@@ -146,7 +168,7 @@ class RangeMode:
             self.number = fitting[0] if fitting else None
         return self.number is not None
 
-    def rate(self, config: Config) -> float:
+    def rate(self, config: DvlSettings) -> float:
         """Return how often it pings (Hz)."""
         return SEARCH_HZ if config.is_water or self.number is None else RANGE_MODES[self.number][2]
 

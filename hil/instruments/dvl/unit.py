@@ -7,15 +7,14 @@ The rate falls with the altitude, up to the rate of the simulated sensor. Source
 import json
 from collections import deque
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any
 
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
 from hil.common.errors import ConfigError
-from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Lines, Scene, Send, StreamInstrument
 from hil.instruments.dvl.formats import FORMATS, crc8, json_line, line, word
-from hil.instruments.dvl.report import Config, DeadReckoning, RangeMode, Report, with_fix
+from hil.instruments.dvl.report import OPTIONS, DeadReckoning, DvlSettings, RangeMode, Report, with_fix
 from sim.rotations import multiply
 
 POSITION_NS = NS_PER_S // 5
@@ -28,34 +27,7 @@ CHIP = "0xf1440c09140b04"
 PAUSE_NS = 100 * NS_PER_MS  # ours: the device waits 10 ms for the next byte, an adapter on USB delivers later
 LONGEST_LINE = 257
 PROTOCOLS = {0: "", 1: "all lines", 2: "pd6", 3: "lines", 6: "pd4"}  # by the numbers of `wcp`
-# The options of `wcs` and `wrc`, in their order.
-OPTIONS = (
-    "speed_of_sound", "mounting_rotation_offset", "acoustic_enabled", "dark_mode_enabled", "range_mode",
-    "periodic_cycling_enabled",
-)  # fmt: skip
 FLAGS = {"y": True, "n": False}
-
-
-class DvlSettings(NamedTuple):
-    """Settings of a DVL A50 or A125: its configuration when it is new, and its formats.
-
-    `formats` are those of its TCP wires, in their order (default: JSON for all). `serial_protocol` is the number of
-    `wcp`: 0 nothing, 1 and 3 lines with and without the old sentences, 2 PD6, 6 PD4. What clients set outlives a loss
-    of power, but not the process.
-    """
-
-    speed_of_sound: Annotated[float, Range(1000.0, 2000.0, "m/s")] = 1500.0
-    mounting_rotation_offset: Annotated[float, Range(0.0, 360.0)] = 0.0
-    acoustic_enabled: bool = True
-    dark_mode_enabled: bool = False
-    range_mode: str = "auto"
-    periodic_cycling_enabled: bool = True
-    formats: tuple[Literal["json", "pd6", "pd4"], ...] = ()
-    serial_protocol: Annotated[int, Range(0, 6)] = 1
-
-    def validate(self) -> str | None:
-        """Return why the range mode is invalid, or None."""
-        return Config(range_mode=self.range_mode).validate()
 
 
 class Dvl(StreamInstrument):
@@ -72,9 +44,8 @@ class Dvl(StreamInstrument):
 
     def __init__(self, settings: DvlSettings, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        self._kept = facts.memory  # what outlives the power: the configuration, and the protocol on serial lines
-        self._kept.setdefault("config", Config(*[getattr(settings, key) for key in Config._fields]))
-        self._kept.setdefault("protocol", settings.serial_protocol)
+        self._kept: dict[str, DvlSettings] = facts.memory  # what outlives the power
+        self._kept.setdefault("config", settings)
         self._reckoning, self._mode = DeadReckoning(), RangeMode()
         self._triggers = 0  # pings that wait
         self._calibrations: deque[tuple[int, Callable[[], None]]] = deque()  # when they end, and what then
@@ -84,9 +55,8 @@ class Dvl(StreamInstrument):
         self._depth = 0.0
 
     @property
-    def _config(self) -> Config:
-        config: Config = self._kept["config"]
-        return config
+    def _config(self) -> DvlSettings:
+        return self._kept["config"]
 
     def start(self, now_ns: int) -> None:
         """Begin to ping."""
@@ -100,7 +70,7 @@ class Dvl(StreamInstrument):
         formats = self.settings.formats
         if client.kind == "tcp":
             return str(formats[client.wire]) if client.wire < len(formats) else "json"
-        return PROTOCOLS.get(self._kept["protocol"], "lines")
+        return PROTOCOLS.get(self._config.serial_protocol, "lines")
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Take attitude and depth, and a sample of the ping's velocity when a ping is due."""
@@ -219,7 +189,7 @@ class Dvl(StreamInstrument):
     def _execute(self, command: str, parameters: dict[str, Any]) -> Any:
         """Return the result of a command. Raises ConfigError, which says why it fails."""
         if command == "get_config":
-            return self._config._asdict()
+            return self._config.options()
         if command == "set_config":
             self._kept["config"] = self._config.changed(parameters)
         elif command == "reset_dead_reckoning":
@@ -246,7 +216,7 @@ class Dvl(StreamInstrument):
             case ["wcw"]:
                 return "wrw", self.product.lower().replace(" ", "-"), SOFTWARE, CHIP
             case ["wcc"]:
-                return "wrc", *[word(getattr(self._config, key)) for key in OPTIONS]
+                return "wrc", *map(word, self._config.options().values())
             case ["wcs", *options] if 4 <= len(options) <= len(OPTIONS):
                 return (self._configure(options),)
             case ["wcr"]:
@@ -258,9 +228,10 @@ class Dvl(StreamInstrument):
                 self._calibrations.append((now_ns + CALIBRATION_NS, lambda: self._reply(client, "wra")))
                 return ()
             case ["wcp", number]:
-                is_known = number in map(str, PROTOCOLS)
-                self._kept["protocol"] = int(number) if is_known else self._kept["protocol"]
-                return ("wra" if is_known else "wrn",)
+                if number not in map(str, PROTOCOLS):
+                    return ("wrn",)
+                self._kept["config"] = self._config._replace(serial_protocol=int(number))
+                return ("wra",)
         return ("wr?",)
 
     def _configure(self, words: list[str]) -> str:

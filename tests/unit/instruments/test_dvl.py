@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from hil.common.clock import NS_PER_S
 from hil.instruments.contract import Client
 from hil.instruments.dvl.formats import crc8, encode_pd4, encode_pd6
-from hil.instruments.dvl.report import BEAMS, Config, Report, Transducer
-from hil.instruments.dvl.unit import A50, A125, DvlSettings
+from hil.instruments.dvl.report import BEAMS, OPTIONS, DvlSettings, Report, Transducer
+from hil.instruments.dvl.unit import A50, A125
 from sim.rotations import from_euler
 from sim.sensors.ranging.dvl import DvlModel
 from sim.sensors.samples import DvlSample, OdometrySample
@@ -238,7 +238,7 @@ PING = Report(
 
 
 def test_pd6_is_the_documented_example() -> None:
-    assert encode_pd6(PING, Config(speed_of_sound=1475.0)).decode().split("\r\n") == [
+    assert encode_pd6(PING, DvlSettings(speed_of_sound=1475.0)).decode().split("\r\n") == [
         ":SA, +0.00, +0.00,  0.00",
         ":TS,22080812061800, 0.0, +0.0,   0.0,1475.0,  0",
         ":WI,    +0,    +0,    +0,    +0,V",
@@ -254,13 +254,13 @@ def test_pd6_is_the_documented_example() -> None:
 
 
 def test_pd4_has_its_fields_where_they_are_documented() -> None:
-    data = encode_pd4(PING, Config())
+    data = encode_pd4(PING, DvlSettings())
     assert (len(data), data[0], data[1], unpack("<H", data[2:4])[0]) == (47, 0x7D, 0, 45)
     assert unpack("<3h", data[5:11]) == (123, -420, 2000)
     assert unpack("<4H", data[13:21]) == (300, 100, 400, 200)  # BM1 to BM4 are transducers 3, 1, 4, 2
     assert (*data[35:39], unpack("<H", data[41:43])[0]) == (12, 6, 18, 0, 1500)
     assert unpack("<H", data[45:])[0] == sum(data[:45]) & 0xFFFF
-    lost = encode_pd4(PING._replace(is_valid=False), Config())
+    lost = encode_pd4(PING._replace(is_valid=False), DvlSettings())
     assert unpack("<3h", lost[5:11]) == (-32_768,) * 3
 
 
@@ -269,7 +269,7 @@ def test_no_value_of_a_parameter_upsets_a_dvl(value: Any) -> None:
     bench = on_tcp()
     for message in (value, {"command": value}, {"command": "set_config", "parameters": value}):
         bench.ask(json.dumps(message).encode() + b"\n")
-    for key in Config._fields:
+    for key in OPTIONS:
         command(bench, "set_config", **{key: value})
     config = command(bench, "get_config")["result"]
     assert 1000.0 <= config["speed_of_sound"] <= 2000.0
