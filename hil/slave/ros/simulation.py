@@ -1,11 +1,11 @@
 """The services of the standard simulation_interfaces (ros-simulation, 1.x) for the vehicle's own simulation.
 
-Entities are the vehicle, named after its node, and the obstacles of the world. Not supported, as
-`get_simulator_features` reports: spawning, tags, bounds, loading of worlds, resetting time. A pause stops the vehicle
-and simulation time; link, STM32 and controller continue, so commands between two single steps take effect.
+The only entity is the vehicle, named after its node. Not supported, as `get_simulator_features` reports: lists of
+entities, spawning, loading of worlds, resetting time. A pause stops the vehicle and simulation time; link, STM32 and
+controller continue, so commands between two single steps take effect.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from hil.common.vectors import Vector3
@@ -13,20 +13,18 @@ from hil.network.services import Answer
 from hil.ros.encoders import swap_attitude, swap_world
 from hil.ros.message import Message, header
 from hil.slave.loop import Loop
-from sim.environment.obstacles import Box, Cylinder
-from sim.rotations import from_euler, rotate
+from sim.rotations import rotate
 
 FRAME = "map"
 PACKAGE = "simulation_interfaces/srv/"
-# Constants of simulation_interfaces: Result, SimulationState, EntityCategory, ResetSimulation, SimulatorFeatures.
+# Constants of simulation_interfaces: Result, SimulationState, ResetSimulation, SimulatorFeatures.
 UNSUPPORTED, OK, NOT_FOUND, FAILED, ALREADY_THERE = 0, 1, 2, 4, 101
 PLAYING, PAUSED = 1, 2
 STATES = {0: "stopped", PLAYING: "playing", PAUSED: "paused", 3: "quitting"}
-ROBOT, STATIC_OBJECT = 1, 5
 DEFAULT_SCOPE, STATE_SCOPE = 0, 2
 FEATURES = {
-    "ENTITY_CATEGORIES": 8, "ENTITY_STATE_GETTING": 10, "ENTITY_STATE_SETTING": 11, "ENTITY_INFO_GETTING": 12,
-    "SIMULATION_RESET": 20, "SIMULATION_RESET_STATE": 22, "SIMULATION_STATE_GETTING": 24,
+    "ENTITY_STATE_GETTING": 10, "ENTITY_STATE_SETTING": 11, "SIMULATION_RESET": 20, "SIMULATION_RESET_STATE": 22,
+    "SIMULATION_STATE_GETTING": 24,
 }  # fmt: skip
 # Available if the loop steps the simulation by itself, not in lockstep with an autopilot.
 PAUSE_FEATURES = {
@@ -34,7 +32,7 @@ PAUSE_FEATURES = {
     "STEP_SIMULATION_MULTIPLE": 32,
 }  # fmt: skip
 MAX_STEPS = 200  # in one call, during which the loop does nothing else; 0.5 s of simulation time by default
-LONGEST_FILTER = 200  # characters
+LONGEST_NAME = 200  # characters
 
 Result = dict[str, Any]
 
@@ -47,18 +45,12 @@ class SimulationServices:
         self._node = node
         self._reset = reset
         self._report = report
-        world = loop.simulation.world
-        placed: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
-        self._obstacles = {each.name or f"obstacle_{number}": each for number, each in enumerate(placed)}
 
     def services(self) -> dict[str, tuple[str, Answer]]:
         """Return name, below the node's, of each service, with its type and answer."""
         answers: dict[str, tuple[str, Answer]] = {
             "get_simulator_features": ("GetSimulatorFeatures", self._features),
             "reset_simulation": ("ResetSimulation", self._reset_simulation),
-            "get_entities": ("GetEntities", self._entities),
-            "get_entities_states": ("GetEntitiesStates", self._states),
-            "get_entity_info": ("GetEntityInfo", self._info),
             "get_entity_state": ("GetEntityState", self._state),
             "get_simulation_state": ("GetSimulationState", self._simulation_state),
             "set_simulation_state": ("SetSimulationState", self._set_simulation_state),
@@ -78,29 +70,19 @@ class SimulationServices:
         self._report(f"reset_simulation: {done}")
         return result(OK, "the state was reset; time goes on")
 
-    def _entities(self, request: Message) -> Result:
-        names, problem = self._filtered(request["filters"])
-        return problem or {**result(OK), "entities": names}
-
-    def _states(self, request: Message) -> Result:
-        names, problem = self._filtered(request["filters"])
-        return problem or {**result(OK), "entities": names, "states": [self._state_of(name) for name in names]}
-
-    def _info(self, request: Message) -> Result:
-        name = request["entity"]
-        if name == self._node:
-            about = {"category": {"category": ROBOT}, "description": self._loop.simulation.vehicle.name}
-        elif name in self._obstacles:
-            about = {"category": {"category": STATIC_OBJECT}, "description": self._obstacles[name].label}
-        else:
-            return self._not_found(name)
-        return {**result(OK), "info": about}
-
     def _state(self, request: Message) -> Result:
-        name = request["entity"]
-        if name != self._node and name not in self._obstacles:
-            return self._not_found(name)
-        return {**result(OK), "state": self._state_of(name)}
+        """Return an EntityState in the world's ENU, without acceleration."""
+        if request["entity"] != self._node:
+            return result(NOT_FOUND, f"no entity {request['entity'][:LONGEST_NAME]!r}; there is: {self._node}")
+        publisher, simulation = self._loop.sample_publisher, self._loop.simulation
+        state = simulation.state
+        motion = [_xyz(swap_world(_three(rotate(state.quaternion, part)))) for part in (state.nu[:3], state.nu[3:])]
+        w, x, y, z = state.quaternion
+        orientation = dict(zip("wxyz", swap_attitude((w, x, y, z)), strict=True))
+        pose = {"position": _xyz(swap_world(_three(state.position))), "orientation": orientation}
+        twist = dict(zip(("linear", "angular"), motion, strict=True))
+        head = header(publisher.stamps.stamp(simulation.time_ns), FRAME)
+        return {**result(OK), "state": {"header": head, "pose": pose, "twist": twist}}
 
     def _simulation_state(self, _: Message) -> Result:
         return {**result(OK), "state": {"state": PAUSED if self._loop.paused else PLAYING}}
@@ -125,63 +107,10 @@ class SimulationServices:
         self._loop.advance(steps)
         return result(OK)
 
-    def _not_found(self, name: str) -> Result:
-        there = ", ".join([self._node, *self._obstacles])
-        return result(NOT_FOUND, f"no entity {name[:LONGEST_FILTER]!r}; there are: {there[:LONGEST_FILTER]}")
-
-    def _filtered(self, filters: Message) -> tuple[list[str], Result]:
-        """Return the names that pass the filters, and the error response if the filters are invalid, else {}."""
-        pattern, categories = filters["filter"], {each["category"] for each in filters["categories"]}
-        if filters["bounds"]["type"]:
-            return [], result(UNSUPPORTED, "entities cannot be chosen by bounds")
-        if len(pattern) > LONGEST_FILTER or set(pattern.replace(".*", "")) & set("\\^$*+?{}[]|()"):
-            return [], result(FAILED, "filter: a name, or parts of one with .* between them; no other expression")
-        if filters["tags"]["tags"]:
-            return [], result(OK)  # nothing has tags
-        names = [name for name in self._names(categories) if not pattern or _matches(pattern, name)]
-        return names, {}
-
-    def _names(self, categories: set[int]) -> Iterator[str]:
-        if not categories or ROBOT in categories:
-            yield self._node
-        if not categories or STATIC_OBJECT in categories:
-            yield from self._obstacles
-
-    def _state_of(self, name: str) -> Result:
-        """Return an EntityState in the world's ENU, without acceleration."""
-        publisher, simulation = self._loop.sample_publisher, self._loop.simulation
-        head = header(publisher.stamps.stamp(simulation.time_ns), FRAME)
-        if name == self._node:
-            state = simulation.state
-            north, east, down = state.position
-            w, x, y, z = state.quaternion
-            attitude, nu = (w, x, y, z), state.nu
-            motion = [_xyz(swap_world(_three(rotate(attitude, part)))) for part in (nu[:3], nu[3:])]
-        else:
-            obstacle = self._obstacles[name]
-            bottom = simulation.world.foot(obstacle, obstacle.north, obstacle.east)
-            north, east, down = obstacle.north, obstacle.east, 0.5 * (bottom + obstacle.top)
-            w, x, y, z = from_euler(0.0, 0.0, getattr(obstacle, "heading", 0.0))
-            motion = [_xyz((0.0, 0.0, 0.0)), _xyz((0.0, 0.0, 0.0))]
-        orientation = dict(zip("wxyz", swap_attitude((w, x, y, z)), strict=True))
-        pose = {"position": _xyz(swap_world((north, east, down))), "orientation": orientation}
-        return {"header": head, "pose": pose, "twist": dict(zip(("linear", "angular"), motion, strict=True))}
-
 
 def result(code: int, message: str = "") -> Result:
     """Return a response with a Result."""
     return {"result": {"result": code, "error_message": message}}
-
-
-def _matches(pattern: str, name: str) -> bool:
-    """Return whether the name has the parts of a pattern between ".*", in this order."""
-    at = 0
-    for part in pattern.split(".*"):
-        found = name.find(part, at)
-        if found < 0:
-            return False
-        at = found + len(part)
-    return True
 
 
 def _xyz(vector: Vector3) -> Mapping[str, float]:

@@ -132,7 +132,7 @@ def test_list_shows_topics_and_services_of_a_vehicle(user: User) -> None:
     assert re.search(r"/uuv1/cmd_vel +geometry_msgs/msg/Twist +- +/uuv1\n", text)
     assert re.search(r"/tf_static +tf2_msgs/msg/TFMessage +/uuv1 +-\n", text)
     assert re.search(r"/uuv1/reset +std_srvs/srv/Trigger +/uuv1 +-\n", text)
-    assert re.search(r"/uuv1/get_entities_states +simulation_interfaces/srv/GetEntitiesStates +/uuv1 +-\n", text)
+    assert re.search(r"/uuv1/get_simulator_features +simulation_interfaces/srv/GetSimulatorFeatures +/uuv1 +-\n", text)
     entities = json.loads(user.run("list", "--json"))
     assert {"kind": "MP", "node": "/uuv1", "topic": "/uuv1/imu"}.items() <= next(
         entity.items() for entity in entities if entity["topic"] == "/uuv1/imu"

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.common.clock import NS_PER_S, now_ns
-from hil.slave.ros.simulation import FEATURES, MAX_STEPS, PAUSE_FEATURES, _matches
+from hil.slave.ros.simulation import FEATURES, MAX_STEPS, PAUSE_FEATURES
 from sim.tether import Tether, TetherKeys
 from tests.unit.slave.test_vehicle_services import Vehicle, pose
 
@@ -53,38 +53,6 @@ def test_a_set_pose_is_read_back(vehicle: Vehicle) -> None:
     assert abs(orientation["w"]) == pytest.approx(math.cos(0.35))
     assert list(state["twist"]["linear"].values()) == pytest.approx([0.3, -0.2, 0.1])
     assert state["twist"]["angular"]["z"] == pytest.approx(0.05)
-
-
-def test_entities_are_the_vehicle_and_the_worlds_obstacles(vehicle: Vehicle) -> None:
-    names = call(vehicle, "get_entities")["entities"]
-    world = vehicle.simulation.world
-    assert len(names) == 1 + len(world.cylinder) + len(world.box) > 1
-    assert names[0] == "uuv1"
-    robots = call(vehicle, "get_entities", filters={"categories": [{"category": 1}]})
-    assert robots["entities"] == ["uuv1"]
-    states = call(vehicle, "get_entities_states", filters={"filter": "obst.*"})
-    assert states["entities"] == names[1:]
-    first = world.cylinder[0]
-    assert states["states"][0]["pose"]["position"]["x"] == pytest.approx(first.east)
-    assert states["states"][0]["pose"]["position"]["y"] == pytest.approx(first.north)
-    assert call(vehicle, "get_entity_info", entity=names[1])["info"]["category"]["category"] == 5
-    assert code(call(vehicle, "get_entity_state", entity="nobody")) == NOT_FOUND
-    assert code(call(vehicle, "get_entity_info", entity="nobody")) == NOT_FOUND
-
-
-@pytest.mark.parametrize("filters", [{"filter": "(a+)+b"}, {"filter": "a" * 300}])
-def test_a_slow_regular_expression_is_refused(vehicle: Vehicle, filters: dict[str, Any]) -> None:
-    assert code(call(vehicle, "get_entities", filters=filters)) == FAILED
-    assert code(call(vehicle, "get_entities", filters={"bounds": {"type": 1}})) == UNSUPPORTED
-    assert call(vehicle, "get_entities", filters={"tags": {"tags": ["x"]}})["entities"] == []
-
-
-@pytest.mark.parametrize(
-    ("pattern", "name", "fits"),
-    [("ab.*ba", "aba", False), ("ab.*ba", "abba", True), ("b", "abc", True), ("b.*a", "ab", False), ("", "a", True)],
-)
-def test_the_parts_of_a_filter_are_found_one_after_the_other(pattern: str, name: str, fits: bool) -> None:
-    assert _matches(pattern, name) == fits
 
 
 def test_an_orientation_of_any_length_is_one(vehicle: Vehicle) -> None:
@@ -157,9 +125,7 @@ def test_unsupported_states_are_refused(vehicle: Vehicle) -> None:
 @given(st.text(max_size=40), st.integers(0, 255), st.integers(0, 2**64 - 1))
 def test_any_request_gets_a_valid_reply(shared: Vehicle, text: str, number: int, steps: int) -> None:
     requests: dict[str, dict[str, Any]] = {
-        "get_entities": {"filters": {"filter": text, "categories": [{"category": number}], "bounds": {"type": number}}},
         "get_entity_state": {"entity": text},
-        "get_entity_info": {"entity": text},
         "reset_simulation": {"scope": number},
         "step_simulation": {"steps": steps},
     }

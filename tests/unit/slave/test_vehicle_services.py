@@ -135,9 +135,8 @@ def test_the_offered_services_are_complete(vehicle: Vehicle) -> None:
         f"/uuv1/{name}": f"simulation_interfaces/srv/{kind}"
         for name, kind in (
             ("get_simulator_features", "GetSimulatorFeatures"), ("reset_simulation", "ResetSimulation"),
-            ("get_entities", "GetEntities"), ("get_entities_states", "GetEntitiesStates"),
-            ("get_entity_info", "GetEntityInfo"), ("get_entity_state", "GetEntityState"),
-            ("get_simulation_state", "GetSimulationState"), ("set_simulation_state", "SetSimulationState"),
+            ("get_entity_state", "GetEntityState"), ("get_simulation_state", "GetSimulationState"),
+            ("set_simulation_state", "SetSimulationState"),
             ("step_simulation", "StepSimulation"),
         )
     }  # fmt: skip
