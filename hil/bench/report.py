@@ -63,15 +63,6 @@ def text(columns: Sequence[Column], rows: Sequence[Row], column_by_line: bool = 
     return "\n".join(aligned([*zip(*cells, strict=True)] if column_by_line else cells, rule=True))
 
 
-def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> str:
-    """Return the table for a document, with the remarks on each column below it."""
-    head, *body = _cells(columns, rows)
-    lines = [head, ["---"] * len(head), *body]
-    table = [f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines]
-    notes = [f"- {line}" for line in remarks(columns)]
-    return "\n".join([*table, *([""] if notes else []), *notes])
-
-
 def remarks(columns: Iterable[Column]) -> list[str]:
     """Return a line for each column: its machine, when it was measured, and its labels and warnings."""
     lines = []

@@ -2,14 +2,14 @@
 
 import os
 import sysconfig
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from importlib.util import find_spec
 from typing import NamedTuple
 
 from hil.bench.harness import Bench, await_vehicle
 from hil.common.children import ROOT, python_command
 from hil.common.clock import NS_PER_MS, now_ns, to_wall_ns
-from hil.common.errors import ConfigError, NetworkError
+from hil.common.errors import NetworkError
 from hil.ros.diagnostics import or_nan
 
 # The instants that the slave reports, and the phase that ends with each.
@@ -24,7 +24,6 @@ PHASES = {
 }
 AT_MASTER = "first sample at the master"
 LISTENED = ("odom",)  # as in a master that flies; another topic's sample may arrive earlier
-DROP_CACHES = "/proc/sys/vm/drop_caches"
 
 
 class Start(NamedTuple):
@@ -87,24 +86,8 @@ def files_of_a_start() -> list[str]:
     return [os.path.join(path, name) for path, _, names in walked for name in names]
 
 
-def coldness(files: Iterable[str], whole_machine: bool) -> tuple[Callable[[], None], str]:
-    """Return a function that makes the next start cold, and its description. Raises ConfigError where not permitted."""
-    if whole_machine:
-        if not os.access(DROP_CACHES, os.W_OK):
-            raise ConfigError(f"{DROP_CACHES}: only root may; without --drop-caches only the files of a start go")
-        return _drop_all, f"all caches dropped ({DROP_CACHES})"
-    paths = list(files)
-    text = f"{len(paths)} files dropped (posix_fadvise); pages that a running process has mapped stay, such as Python's"
-    return lambda: _drop(paths), text
-
-
-def _drop_all() -> None:
-    os.sync()
-    with open(DROP_CACHES, "w", encoding="utf-8") as file:
-        file.write("3")
-
-
-def _drop(files: Iterable[str]) -> None:
+def drop(files: Iterable[str]) -> None:
+    """Drop files from the page cache, so that the next start is cold; those that cannot be opened stay."""
     for path in files:
         try:
             descriptor = os.open(path, os.O_RDONLY)

@@ -92,7 +92,6 @@ def _parser() -> argparse.ArgumentParser:
     importing.set_defaults(run=_import)
     listing = actions.add_parser("list", help="list the worlds")
     listing.add_argument("folders", metavar="FOLDER", nargs="*", help="folder with worlds of your own")
-    add_json(listing)
     listing.set_defaults(run=_list)
     return parser
 
@@ -224,9 +223,6 @@ def _list(options: argparse.Namespace) -> int:
             raise ConfigError(f"{folder}: no such folder")
         names += sorted(os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(".toml"))
     worlds = {name: load_world(name) for name in names}
-    if options.json:
-        print(json_text([_summary(name, world) for name, world in worlds.items()]))
-        return 0
     rows = [("world", "size", "depth", "bed", "obstacles", "source")]
     for name, world in worlds.items():
         south, north, west, east = world.extent
@@ -237,18 +233,6 @@ def _list(options: argparse.Namespace) -> int:
         ))  # fmt: skip
     print("\n".join(aligned(rows)))
     return 0
-
-
-def _summary(name: str, world: World) -> dict[str, Any]:
-    """Return the values that a list shows of a world, lengths in m."""
-    return {
-        "world": name,
-        "source": world.source,
-        "extent": world.extent,
-        "depth": world.depth,
-        "grid": world.terrain.grid.resolution if world.terrain else None,
-        "obstacles": len(world.cylinder) + len(world.box),
-    }
 
 
 def priority(text: str) -> tuple[str, int]:

@@ -39,12 +39,9 @@ examples:
   uuv-hil bench delay --protocol vesc,dronecan --load 0,2
   uuv-hil bench delay --rate 10,50,100 --seconds 30 --output delay.json
   uuv-hil bench delay --connect tcp/192.168.3.116:7447 --echo 192.168.3.116:40001:40002
-  uuv-hil bench delay --most-over-floor 0.8 --most-p99 3      exit code 1 when a configuration takes longer (ms)
 """
-LIMIT_BROKEN = 1
 ECHO_PORT = integer(1, 65_535)
 STEPS = integer(0, 1000)
-LIMIT = Number(-1e6, 1e6, "ms")  # a delay above the floor can be negative
 PROTOCOLS = List(one_of("frame", "mavlink", "dronecan", "vesc"))
 STM32S = List(one_of(*DRIVERS))
 BAUDS = List(integer(1200, 12_000_000, also=(0,)))
@@ -72,7 +69,7 @@ class Case(NamedTuple):
 
 @benchmark
 def main(arguments: list[str]) -> int:
-    """Measure and print; return 0, or 1 when a limit is broken. Raises HilError."""
+    """Measure and print; return the exit code. Raises HilError."""
     options = parse(_parser(), arguments)
     cases = _cases(options)
     given = {key: getattr(options, key) for key in Case._fields if getattr(options, key) is not None}
@@ -88,13 +85,13 @@ def main(arguments: list[str]) -> int:
             runs.setdefault(name, []).append(result)
     if not runs:
         failures.raise_first()
-    broken = _report(runs, (*labels, *failures.labels), options)
+    _report(runs, (*labels, *failures.labels), options)
     failures.raise_first()
-    return LIMIT_BROKEN if broken else 0
+    return 0
 
 
-def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any) -> list[str]:
-    """Print, save and draw the results; return the limits that are broken. Raises ConfigError."""
+def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any) -> None:
+    """Print, save and draw the results. Raises ConfigError."""
     results = {name: pooled(repeats) for name, repeats in runs.items()}
     print(delay_report.text(results))
     columns = [Column(name, _figures(result)) for name, result in results.items()]
@@ -103,10 +100,6 @@ def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any
         for name, repeats in runs.items()
     }
     save_columns("delay", options, columns, delay_report.ROWS, labels, details)
-    broken = [text for name, result in results.items() for text in _broken(name, result, options)]
-    for text in broken:
-        print(f"LIMIT BROKEN: {text}")
-    return broken
 
 
 def _parser() -> Any:
@@ -122,9 +115,6 @@ def _parser() -> Any:
     add_repeat(parser, 1, "repetitions, each with new processes")
     add_connect(parser)
     add("--echo", metavar="HOST:UDP:TCP", type=_echo, help="endpoint of `uuv-hil bench echo` on the slave's machine")
-    add("--most-p50", type=LIMIT, metavar="MS", help="limit of the median")
-    add("--most-p99", type=LIMIT, metavar="MS", help="limit of 99 of 100 commands")
-    add("--most-over-floor", type=LIMIT, metavar="MS", help="limit of the median above the floor")
     return parser
 
 
@@ -146,10 +136,6 @@ def _check_elsewhere(options: Any) -> None:
     if inapplicable:
         raise ConfigError(
             f"--set {inapplicable[0]}: --connect measures a running slave; change it in that slave's scenario"
-        )
-    if options.most_over_floor is not None and not options.echo:
-        raise ConfigError(
-            "--most-over-floor: there is no floor without `uuv-hil bench echo` beside --connect, and --echo"
         )
 
 
@@ -208,16 +194,3 @@ def _details(run: Result) -> dict[str, Any]:
         "clock offset": run.clock_offset,
         "clock uncertainty": run.clock_uncertainty,
     }
-
-
-def _broken(name: str, result: Result, options: Any) -> list[str]:
-    limits = (
-        ("p50", result.at(0.5), options.most_p50),
-        ("p99", result.at(0.99), options.most_p99),
-        ("p50 above the floor", result.at(0.5) - result.floor, options.most_over_floor),
-    )
-    return [
-        f"{name}: {what} {value:.3f} ms is above {limit:g} ms"
-        for what, value, limit in limits
-        if limit is not None and not value <= limit
-    ]

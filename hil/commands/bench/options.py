@@ -24,7 +24,7 @@ from hil.common.options import (
 from hil.common.schema import shortened
 from hil.plots.plotting import check_picture
 
-NO_SETTINGS = ("output", "plot", "markdown", "against", "check")  # options that change no figure
+NO_SETTINGS = ("output", "plot", "against", "check")  # options that change no figure
 PRINT_EVERY_S = 60.0  # where the output is not a terminal, such as in a log
 
 

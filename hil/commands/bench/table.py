@@ -8,7 +8,7 @@ from boards.health import recognise
 from boards.tree import Tree
 from hil.bench.harness import Bench, await_vehicle, labels_of
 from hil.bench.record import Figure, Record, load
-from hil.bench.report import Column, draw, markdown, remarks, text
+from hil.bench.report import Column, draw, remarks, text
 from hil.bench.table import boards as board_table
 from hil.bench.table.boards import HERE
 from hil.bench.table.hil_table import PAPER_NOTE, ROWS, paper
@@ -27,9 +27,8 @@ from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.clock import boot_id
 from hil.common.columns import fit_to_terminal, paragraph
 from hil.common.errors import ConfigError
-from hil.common.options import add_board, add_file, changes_of
+from hil.common.options import add_board, changes_of
 from hil.common.schema import preset_names
-from hil.common.tables import save_text
 from hil.ros.diagnostics import Diagnostics, to_text
 
 EXAMPLES = """\
@@ -43,7 +42,7 @@ examples:
   uuv-hil bench table                                  this machine, beside the reference platform's boards
   uuv-hil bench table --check                          exit code 1 when a budget of the board is missed
   uuv-hil bench table --under "taskset -c 0"         a laptop as a small board
-  uuv-hil bench table --connect tcp/192.168.3.116:7447 --connect tcp/192.168.3.117:7447 --markdown boards.md
+  uuv-hil bench table --connect tcp/192.168.3.116:7447 --connect tcp/192.168.3.117:7447
   uuv-hil bench table --output today.json --against yesterday.json --plot table.png
 """
 BUDGET_MISSED = 1
@@ -78,7 +77,8 @@ def main(arguments: list[str]) -> int:
     print(fit_to_terminal(f"{runs}; (range of the middle half)"))
     for line in (*remarks(earlier), *_description(record)):
         print(fit_to_terminal(line))
-    _write(columns, options)
+    if options.plot:
+        draw(columns, [row for row in ROWS if row.name in board_table.DRAWN], options.plot)
     broken = _check(own_columns, record, board) if options.check else 0
     failures.raise_first()
     return broken
@@ -93,7 +93,6 @@ def _parser() -> Any:
     add("--against", action="append", default=[], metavar="FILE", help="show an earlier record beside it")
     add("--check", action="store_true", help="check against the budgets of the board")
     add_board(parser)
-    add_file(parser, "--markdown", metavar="FILE", help="the table as Markdown")
     return parser
 
 
@@ -153,13 +152,6 @@ def _ratios(column: Column, record: Record) -> str:
 
 def _named(column: Column) -> Column:
     return column._replace(title=column.title or HERE)
-
-
-def _write(columns: list[Column], options: Any) -> None:
-    if options.markdown:
-        save_text(options.markdown, markdown(columns, ROWS) + "\n")
-    if options.plot:
-        draw(columns, [row for row in ROWS if row.name in board_table.DRAWN], options.plot)
 
 
 def _description(record: Record) -> list[str]:

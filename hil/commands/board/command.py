@@ -34,7 +34,7 @@ examples:
 # What each action accepts.
 OPTIONS = {
     "show": ("board", "root", "json"),
-    "list": ("json",),
+    "list": (),
     "install": ("scenario", "set", "board", "root", "user", "listen", "member", "service", "dry_run", "yes"),
     "uninstall": ("root", "service", "dry_run", "yes"),
 }
@@ -53,7 +53,7 @@ def main(arguments: list[str]) -> int:
     if options.action in service.ACTIONS:
         return service.ACTIONS[options.action](tree, options)
     if options.action == "list":
-        print(json.dumps(boards_json()) if options.json else listing())
+        print(listing())
         return 0
     board = load_board(options.board) if options.board else recognise(tree)
     if options.json:
@@ -98,11 +98,6 @@ def listing() -> str:
         can = board.can[0].controller.partition(",")[0] if board.can else "-"
         rows.append((name, board.name, board.cpu, board.uart or "-", can))
     return "\n".join(aligned(rows))
-
-
-def boards_json() -> dict[str, object]:
-    """Return the records of all boards, by preset."""
-    return {name: _plain(load_board(name)) for name in preset_names("boards")}
 
 
 def describe(tree: Tree, board: Board | None) -> str:

@@ -11,7 +11,7 @@ from hil.common.options import add_json, add_scenario, add_scenario_name, add_st
 from hil.common.schema import find_preset, preset_names, shortened
 from hil.common.tables import read_bytes
 from hil.doctor.vehicle.finding import exit_code
-from hil.scenario.config import SCENARIOS, Scenario, load_scenario
+from hil.scenario.config import SCENARIOS, load_scenario
 
 EXAMPLES = """\
 `check` finds the problems that a flight would have: wrong keys and values, a rate that the link's baud cannot carry, a
@@ -39,7 +39,7 @@ def main(arguments: list[str]) -> int:
     """Run one action; return the exit code. Raises ConfigError."""
     options = _parser().parse_args(arguments)
     if options.action == "list":
-        return _list(options.json)
+        return _list()
     if options.action == "show":
         print(_text(find_preset(SCENARIOS, options.scenario)), end="")
         return 0
@@ -53,8 +53,7 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("scenario", __doc__, EXAMPLES)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    listed = actions.add_parser("list", help="list the installed scenarios")
-    add_json(listed)
+    actions.add_parser("list", help="list the installed scenarios")
     shown = actions.add_parser("show", help="print the file of one, with its comments")
     add_scenario_name(shown)
     new = actions.add_parser("new", help="copy an installed one to a file of your own")
@@ -68,29 +67,14 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _list(as_json: bool) -> int:
-    scenarios = {name: load_scenario(name) for name in preset_names(SCENARIOS)}
-    if as_json:
-        print(json.dumps([_described(name, scenario) for name, scenario in scenarios.items()]))
-        return 0
+def _list() -> int:
     rows = [("name", "vehicle", "world", "description")]
-    for name, scenario in scenarios.items():
-        known = _described(name, scenario)
-        several = f"{known['vehicles']} x " if known["vehicles"] > 1 else ""
-        rows.append((name, several + known["vehicle"], known["world"], known["description"]))
+    for name in preset_names(SCENARIOS):
+        scenario = load_scenario(name)
+        several = f"{len(scenario.member)} x " if len(scenario.member) > 1 else ""
+        rows.append((name, several + scenario.vehicle, scenario.world, scenario.description))
     print("\n".join(aligned(rows, rule=True)))
     return 0
-
-
-def _described(name: str, scenario: Scenario) -> dict[str, Any]:
-    return {
-        "name": name,
-        "vehicle": scenario.vehicle,
-        "world": scenario.world,
-        "vehicles": max(1, len(scenario.member)),
-        "description": scenario.description,
-        "path": scenario.path,
-    }
 
 
 def _text(path: str) -> str:

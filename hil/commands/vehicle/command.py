@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
             )
         )  # fmt: skip
     if options.vehicle is None:
-        print(json_text(presets()) if options.json else listing())
+        print(listing())
         return 0
     vehicle, control = load_vehicle(options.vehicle)
     if options.write_urdf:
@@ -112,11 +112,6 @@ def listing() -> str:
             ", ".join(capability.axis for capability in capabilities if not capability.driven) or "-",
         ))  # fmt: skip
     return _columns(rows)
-
-
-def presets() -> list[dict[str, Any]]:
-    """Return the descriptions of all presets, each with its name."""
-    return [{"preset": name, **to_json(load_vehicle(name)[0], 1000.0)} for name in preset_names("sim/vehicles")]
 
 
 def describe(vehicle: Vehicle, density: float = 1000.0) -> str:

@@ -1,6 +1,7 @@
 """`uuv-hil scenario`, `--set` of the other commands, their help and JSON output."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -17,14 +18,13 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, 
 
 
 def test_the_installed_scenarios_are_listed_and_none_has_a_problem(capsys: pytest.CaptureFixture[str]) -> None:
-    code, output, _ = run(capsys, "scenario", "list", "--json")
+    code, output, _ = run(capsys, "scenario", "list")
     assert code == 0
-    listed = json.loads(output)
-    assert [row["name"] for row in listed] == preset_names(SCENARIOS)
-    assert {row["name"]: row["vehicles"] for row in listed}["target_hunting"] == 4
-    assert all("paper" not in row["description"] for row in listed), "who reads the list knows of no paper"
-    for row in listed:
-        assert run(capsys, "scenario", "check", row["name"], "--json") == (0, "[]\n", "")
+    assert "paper " not in output, "who reads the list knows of no paper"
+    assert re.search(r"^target_hunting +4 x ", output, re.M)
+    for name in preset_names(SCENARIOS):
+        assert re.search(rf"^{name} ", output, re.M)
+        assert run(capsys, "scenario", "check", name, "--json") == (0, "[]\n", "")
 
 
 def test_a_copy_is_the_same_scenario_and_replaces_no_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -36,13 +36,9 @@ def test_motion_begins_where_the_velocity_leaves_its_trend() -> None:
 def test_quick_runs_have_consistent_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, picture = tmp_path / "delay.json", tmp_path / "delay.png"
     options = ["--seconds", "0.5", "--rate", "40", "--steps", "3", "--baud", "0,115200", "--output", str(path)]
-    code = main(
-        ["bench", "delay", *options, "--most-p50", "500", "--most-over-floor", "0.0001", "--plot", str(picture)]
-    )
+    code = main(["bench", "delay", *options, "--plot", str(picture)])
     output = capsys.readouterr().out
-    assert code == 1, output
-    assert output.count("LIMIT BROKEN") == 2
-    assert "p50 above the floor" in output
+    assert code == 0, output
     assert "clock" not in output  # wrong ones would be warned of
     assert "its baud is not" not in output
     figures = json.loads(path.read_text())["figures"]

@@ -9,11 +9,11 @@ from hil.bench.startup_run import AT_MASTER, PHASES, floors
 from hil.cli import main
 
 
-def test_one_quick_run_has_all_phases_and_checks_its_limit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_quick_run_has_all_phases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "startup.json"
-    assert main(["bench", "startup", "--repeat", "1", "--output", str(path), "--most", "30"]) == 0
+    assert main(["bench", "startup", "--repeat", "1", "--output", str(path)]) == 0
+    assert "cold: pages that a running process" in capsys.readouterr().out.replace("\n", " ")
     record = json.loads(path.read_text())
-    assert "dropped (posix_fadvise)" in record["details"]["cold"][0]
     for kind in ("warm", "cold"):
         figures = {
             name: record["figures"][f"{name} [{kind}]"]["median"] for name in (*PHASES.values(), AT_MASTER, "all")
@@ -23,5 +23,3 @@ def test_one_quick_run_has_all_phases_and_checks_its_limit(tmp_path: Path, capsy
         assert figures[AT_MASTER] > 45.0, "odometry is measured 20 times a second: not the IMU's first sample"
         assert record["figures"][f"bare interpreter [{kind}]"]["median"] < figures["all"]
         assert all(f"{name} [{kind}]" in record["figures"] for name in floors())
-    assert main(["bench", "startup", "--repeat", "1", "--warm-only", "--most", "0.001"]) == 1
-    assert "LIMIT BROKEN" in capsys.readouterr().out
