@@ -199,7 +199,8 @@ def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
             and (not hazard.needs_water_both_sides or _is_in_water(middle, along, hazard, grid))
         ):
             width = 2.0 * hazard.radius
-            boxes.append(Box(*_rounded(*middle, length + width, width, heading, top), bottom=hazard.bottom))
+            north, east, size, side, heading, top = _rounded(*middle, length + width, width, heading, top)
+            boxes.append(Box(north, east, size, side, heading, top, bottom=hazard.bottom))
     return boxes
 
 
@@ -247,7 +248,8 @@ def _rectangular(corners: Array, top: float, bottom: float = STANDING) -> Box:
     """Return the block with the outline `corners` (4 or more, 2)."""
     sides, middle = np.diff(corners[:3], axis=0), corners[:4].mean(axis=0)
     heading = float(np.arctan2(sides[0, 1], sides[0, 0]))
-    return Box(*_rounded(*middle, *np.hypot(*sides.T), heading, top), bottom=bottom)
+    north, east, size, side, heading, top = _rounded(*middle, *np.hypot(*sides.T), heading, top)
+    return Box(north, east, size, side, heading, top, bottom=bottom)
 
 
 def _rounded(*values: float) -> tuple[float, ...]:

@@ -43,7 +43,7 @@ examples:
   uuv-hil demo --listen tcp/127.0.0.1:9000    beside a slave that runs already
   uuv-hil demo --world US5AK5SI.000    over the seabed of a chart, with laser, sonar and camera
   uuv-hil demo --world US5AK5SI.000 --start 59.6032,-151.4117 --goal 59.6032,-151.4101 --depth 6
-With --world the results also contain report.md, report.html and pictures of the sensors.
+With --world the results also contain report.html and pictures of the sensors.
 """
 FIRST_PICTURE_TIMEOUT_S = 60  # after a short dive: a busy board draws the first pictures late
 DEPTH = Number(0.0, 11_000.0, "m")

@@ -61,7 +61,6 @@ def _parser() -> argparse.ArgumentParser:
     build.add_argument(
         "--reach", metavar="M", type=REACH, help="distance from single soundings up to which the bed counts as known"
     )
-    build.add_argument("--newest", action="store_true", help="where rasters overlap, use the newest [the first named]")
     build.add_argument(
         "--priority", metavar="FILE=N", type=priority, action="append", default=[],
         help="where sources overlap, the greatest number is used [1 of rasters, 0 of others]",
@@ -122,7 +121,6 @@ def _build(options: argparse.Namespace) -> int:
                 Declared(options.positive, options.crs, options.unit, options.layer),
                 options.updates,
                 options.reach,
-                options.newest,
                 dict(options.priority),
             ),
             show_progress,

@@ -1,15 +1,14 @@
-"""Write the report of a dive over a chart, with pictures, as Markdown and HTML."""
+"""Write the report of a dive over a chart, with pictures, as HTML."""
 
 import os
 from collections.abc import Sequence
 from html import escape
-from math import cos, isfinite, sin
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from hil.charts.describe import Facts
-from hil.charts.dive.mosaic import stitch
 from hil.charts.dive.watch import Observation
 from hil.charts.grid import grid_of, write_file
 from hil.charts.picture import add_depth_bar, draw_obstacles, hillshade
@@ -20,20 +19,18 @@ from hil.plots.run_picture import draw_goal, draw_start
 from hil.ros.diagnostics import Diagnostics, to_text
 from hil.scenario.config import Scenario
 from sim.environment.world import World, load_world
-from sim.rotations import to_euler
 from sim.sensors.imaging.samples import SonarImageSample
 
 FRAMES = 6  # camera pictures in the report
 MARK, MEASURED = "#facc15", PATH
 MAP_MARGIN = 25.0  # m of the map around the track
-MOSAIC_RESOLUTION = 0.1  # m
 RINGS = 6  # at most, in the picture of a sonar
 
 
 def write_report(
     folder: str, scenario: Scenario, observations: Sequence[Observation], health: Diagnostics, bed: Facts = ()
 ) -> list[str]:
-    """Draw the pictures and write report.md and report.html into `folder`, with facts on the `bed`; return the files.
+    """Draw the pictures and write report.html into `folder`, with facts on the `bed`; return the files.
 
     Raises MissionError if there are no observations, ConfigError, MissingExtraError.
     """
@@ -47,7 +44,7 @@ def write_report(
     figures = {
         "map": (
             _map(plt, world, scenario, observations, chosen),
-            "The track over the seabed, lit from the north-west, and the camera's mosaic, with more contrast.",
+            "The track over the seabed, lit from the north-west.",
         ),
         "altitude": (
             _altitude(plt, world, observations),
@@ -58,16 +55,12 @@ def write_report(
             _sonar(plt, observations),
             "The forward-looking sonar's picture with the most contrast, seen from above; ahead is up.",
         ),
-        "laser": (_laser(plt, observations), "Echoes of the laser: all scans, and the scan with the most echoes."),
     }
-    files = []
-    for name, (figure, _) in figures.items():
-        files.append(save_figure(figure, os.path.join(folder, f"{name}.png")))
+    files = [save_figure(figure, os.path.join(folder, f"{name}.png")) for name, (figure, _) in figures.items()]
     rows = [*_figures(world, scenario, observations, health), *((f"bed: {name}", text) for name, text in bed)]
     captions = [(f"{name}.png", caption) for name, (_, caption) in figures.items()]
-    for ending, text in ((".md", _markdown), (".html", _html)):
-        files.append(os.path.join(folder, f"report{ending}"))
-        write_file(files[-1], text(scenario.description, rows, captions).encode())
+    files.append(os.path.join(folder, "report.html"))
+    write_file(files[-1], _html(scenario.description, rows, captions).encode())
     return files
 
 
@@ -107,12 +100,8 @@ def _map(
     figure, axes = plt.subplots(figsize=(12, 8), layout="constrained")
     low, high = track.min(axis=0) - MAP_MARGIN, track.max(axis=0) + MAP_MARGIN
     image, lines = _draw_seabed(axes, world, low, high)
-    mosaic = stitch(scenario, observations, grid_of(world), (low[0], high[0], low[1], high[1]), MOSAIC_RESOLUTION)
-    axes.imshow(mosaic, origin="lower", extent=(low[1], high[1], low[0], high[0]), zorder=1.5)
     axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), title=scenario.description, facecolor=LAND)
     axes.clabel(lines, fontsize=7, fmt="%.3g m")
-    if (seen := mosaic[..., 3] > 0).any():
-        axes.plot([], [], "s", color=mosaic[seen].mean(axis=0) / 255.0, markersize=9, label="mosaic of the camera")
     axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="track (true)")
     draw_start(axes, scenario)
     draw_goal(axes, scenario)
@@ -228,43 +217,6 @@ def _echoes(sonar: SonarImageSample) -> Any:
 def _edges(middles: Any) -> Any:
     half = 0.5 * np.diff(middles)
     return np.concatenate([[middles[0] - half[0]], middles[:-1] + half, [middles[-1] + half[-1]]])
-
-
-def _laser(plt: Any, observations: Sequence[Observation]) -> Any:
-    figure, (world, body) = plt.subplots(1, 2, figsize=(12, 5.6), layout="constrained")
-    track = np.array([observation.truth.position[:2] for observation in observations])
-    for observation in observations:
-        north, east = _echo_positions(observation)
-        world.plot(east, north, ".", color=MEASURED, markersize=2)
-    world.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=1.5)
-    world.set(aspect="equal", xlabel="east (m)", ylabel="north (m)", title="all scans")
-    best = max(observations, key=lambda observation: sum(map(isfinite, observation.laser.ranges)))
-    laser = best.laser
-    angles = laser.angle_min + laser.angle_increment * np.arange(len(laser.ranges))
-    ranges = np.array(laser.ranges)
-    body.plot(ranges * np.sin(angles), ranges * np.cos(angles), ".", color=MEASURED, markersize=4)
-    body.plot(0.0, 0.0, "^", color=TRACK, markersize=9)
-    reach = laser.limits[1]
-    body.add_patch(plt.Circle((0.0, 0.0), reach, fill=False, color="0.7", linestyle="--"))
-    body.set(
-        aspect="equal", xlim=(-1.05 * reach, 1.05 * reach), ylim=(-1.05 * reach, 1.05 * reach),
-        xlabel="to starboard (m)", ylabel="ahead (m)", title=f"at {best.time:.0f} s; dashed: greatest range",
-    )  # fmt: skip
-    return figure
-
-
-def _echo_positions(observation: Observation) -> tuple[list[float], list[float]]:
-    """Return north and east (m) of the echoes of one scan; roll and pitch are neglected."""
-    yaw, (north, east, _) = to_euler(observation.truth.orientation)[2], observation.truth.position
-    laser = observation.laser
-    echoes = [(r, yaw + laser.angle_min + i * laser.angle_increment) for i, r in enumerate(laser.ranges) if isfinite(r)]
-    return [north + r * cos(a) for r, a in echoes], [east + r * sin(a) for r, a in echoes]
-
-
-def _markdown(title: str, rows: Sequence[tuple[str, str]], pictures: Sequence[tuple[str, str]]) -> str:
-    table = "\n".join(f"| {name} | {value} |" for name, value in rows)
-    figures = "\n\n".join(f"![{caption}]({file})\n\n{caption}" for file, caption in pictures)
-    return f"# {title}\n\n| | |\n|---|---|\n{table}\n\n{figures}\n\nNot for navigation.\n"
 
 
 def _html(title: str, rows: Sequence[tuple[str, str]], pictures: Sequence[tuple[str, str]]) -> str:

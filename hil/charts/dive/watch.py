@@ -10,7 +10,7 @@ from sim.sensors.samples import OdometrySample
 
 PERIOD_NS = NS_PER_S
 CAMERA, SONAR = "camera/image_raw", "forward_sonar/image"
-TOPICS = ("ground_truth", "altimeter", "laser", CAMERA, SONAR)
+TOPICS = ("ground_truth", "altimeter", CAMERA, SONAR)
 
 
 class Observation(NamedTuple):
@@ -19,7 +19,6 @@ class Observation(NamedTuple):
     time: float
     truth: OdometrySample
     altitude: float
-    laser: Any
     camera: Any
     sonar: Any
 
@@ -53,9 +52,9 @@ class DiveWatch:
             return bool(self.observations)
         self._began_ns = self._began_ns or now
         self._due_ns = now + PERIOD_NS
-        truth, altimeter, laser, camera, sonar = (latest[topic].value for topic in TOPICS)
+        truth, altimeter, camera, sonar = (latest[topic].value for topic in TOPICS)
         self.observations.append(
-            Observation((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, laser, camera, sonar)
+            Observation((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, camera, sonar)
         )  # fmt: skip
         return True
 

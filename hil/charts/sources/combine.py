@@ -35,8 +35,6 @@ class ReadOptions(NamedTuple):
     - `declared`: what the user says of soundings and rasters.
     - `updates`: apply the updates of S-57 charts.
     - `reach`: m around single soundings in which the bed counts as known.
-    - `newest`: of overlapping rasters of the same priority use the newest instead of the first; rasters without a date
-      come last.
     - `priorities`: of files, where sources overlap (hil.charts.sources.priority).
     - `crop`: of an area that is too large for a world, use the part around `near` (latitude, longitude in degrees), by
       default where most soundings are, or around its centre; the survey's notes say so.
@@ -45,7 +43,6 @@ class ReadOptions(NamedTuple):
     declared: Declared = Declared()
     updates: bool = True
     reach: float | None = None
-    newest: bool = False
     priorities: Mapping[str, int] = MappingProxyType({})
     crop: bool = False
     near: tuple[float, float] | None = None
@@ -70,8 +67,7 @@ def read_sources(
     """
     cells, loose, rasters, ranks = _read_files(paths, options)
     reach = options.reach
-    order = sorted(range(len(rasters)), key=lambda k: rasters[k].date if options.newest else "", reverse=True)
-    order = sorted(order, key=lambda k: -ranks["rasters"][k])
+    order = sorted(range(len(rasters)), key=lambda k: -ranks["rasters"][k])
     if any(not points.geographic for points in loose):
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
     boxes = [*([coverage_box(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
@@ -87,7 +83,7 @@ def read_sources(
     surface = [*([max(ranks["cells"])] if cells else []), *ranks["loose"]]
     parts = remove_outranked(parts, surface)
     parts += [Survey(r.name, None, np.empty((0, 3)), detail=r.spacing, notes=_notes(r)) for r in rasters]
-    beds = [(rasters[k].label, partial(rasters[k].depths, plane)) for k in order]
+    beds = [(rasters[k].name, partial(rasters[k].depths, plane)) for k in order]
     first = sum(ranks["rasters"][k] >= max(surface, default=OTHER) for k in order)
     together = _combine(parts, _origin(area.centre))
     if area != whole_box:

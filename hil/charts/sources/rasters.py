@@ -1,7 +1,6 @@
 """Read and resample depths from rasters with GDAL: GeoTIFF, BAG, NetCDF, S-102; grids of Esri, GMT, Surfer."""
 
 import os
-import re
 import sys
 import warnings
 from collections.abc import Mapping
@@ -34,8 +33,6 @@ Array = NDArray[np.float64]
 # it read other files and hosts.
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".bag": "BAG", ".nc": "netCDF", ".asc": "AAIGrid", ".h5": "S102"}
 GRIDS = {b"DSAA": "GSAG", b"DSBB": "GSBG", b"DSRB": "GS7BG"}  # .grd of Surfer by first bytes; GMT's is NetCDF
-# Metadata with the date of a survey: of S-102, BAG, NetCDF (by the CF and ACDD conventions) and TIFF
-DATES = ("issuedate", "bag_datetime", "time_coverage_end", "date_issued", "date_created", "tifftag_datetime")
 ABOUT = ("title", "summary", "description", "tifftag_imagedescription", "tifftag_documentname")  # texts on the file
 FINEST = {"MODE": "RESAMPLED_GRID"}  # for a BAG of variable resolution, whose default band is a coarse overview
 SAMPLED = 512  # pixels along a side of the sample that shows the sign of the values
@@ -51,7 +48,6 @@ class Raster(NamedTuple):
     - `box`: its area, degrees.
     - `spacing`: side of a pixel, m.
     - `scale`, `offset`: depth in m = `scale` * value + `offset`.
-    - `date`: of the survey or of its issue, as 2024-03-01, "" if the file has none.
     - `band`: number of the band with the depths.
     - `note`: what was assumed of its values, "" for nothing.
     - `memory`: the file in memory that `file` names, None if `file` is on disk.
@@ -65,16 +61,10 @@ class Raster(NamedTuple):
     spacing: float
     scale: float
     offset: float
-    date: str = ""
     band: int = 1
     note: str = ""
     options: Mapping[str, str] = {}
     memory: Any = None
-
-    @property
-    def label(self) -> str:
-        """Its name, with its date."""
-        return f"{self.name} of {self.date}" if self.date else self.name
 
     def depths(self, plane: LocalPlane, north: Array, east: Array) -> Array:
         """Return depths (m) at the crossings of evenly spaced `north` and `east` (m on `plane`), nan where unknown.
@@ -287,8 +277,7 @@ def _describe_raster(path: str, file: str, source: Any, band: int, declared: Dec
     scale, offset = sign * source.scales[band - 1], sign * source.offsets[band - 1]
     own_note = f"{path}: --crs is not used, because the file has its own coordinate system"
     note = join_notes(unit_note, note, own_note if own and crs and own != parse_crs(crs) else "")
-    date = _date({**source.tags(), **source.tags(band)})
-    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, date, band, note)
+    return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, band, note)
 
 
 def _band(path: str, source: Any, declared: Declared) -> int:
@@ -319,16 +308,6 @@ def _unit(path: str, source: Any, band: int, declared: Declared, where: Any) -> 
             "are depths on a scale, state it in the file, for example with gdal_edit.py -scale 0.1 -offset 0"
         )
     return depth_unit(path, stated, declared.unit, where)
-
-
-def _date(tags: dict[str, str]) -> str:
-    """Return the date in a raster's metadata, as 2024-03-01; "" if there is none."""
-    words = {key.rpartition("#")[2].lower(): str(value) for key, value in tags.items()}
-    for key in DATES:
-        match = re.match(r"(\d{4})[-:]?(\d{2})[-:]?(\d{2})", words.get(key, ""))
-        if match:
-            return "-".join(match.groups())
-    return ""
 
 
 def _detect_direction(path: str, source: Any, declared: Declared, band: int, unit: float) -> tuple[bool, str]:

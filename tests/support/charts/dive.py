@@ -15,10 +15,9 @@ def check_dive(tmp_path: Path, chart: str) -> None:
         assert program.wait(240) == 0, program.output
     assert "goal reached" in program.output
     assert f"report of the sensors: {folder}/report.html" in program.output
-    report = (folder / "report.md").read_text()
-    for name in ("map", "altitude", "camera", "sonar", "laser"):
+    report = (folder / "report.html").read_text()
+    for name in ("map", "altitude", "camera", "sonar"):
         assert (folder / f"{name}.png").stat().st_size > 10_000
-        assert f"({name}.png)" in report
-        assert f'src="{name}.png"' in (folder / "report.html").read_text()
+        assert f'src="{name}.png"' in report
     assert os.path.splitext(os.path.basename(chart))[0] in report
-    assert " 0 of" not in report, "pictures came"
+    assert ">0 of" not in report, "pictures came"
