@@ -11,7 +11,7 @@ from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, MissionError, StartPositionError
 from hil.doctor.scenario.guidance import check_guidance, check_places
 from hil.doctor.scenario.sections import check_sections
-from hil.doctor.vehicle.finding import Finding
+from hil.doctor.vehicle.finding import Finding, problem, warning
 from hil.doctor.vehicle.rules import CONTROLLED, check_vehicle
 from hil.doctor.vehicle.subject import Subject
 from hil.master.flight import DEPTH_HOLD, Plan, prepare
@@ -52,7 +52,7 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
     top_speed = surge.speed[0] if surge.driven else 0.0
     attitude = attitude_warning(scenario, vehicle)
     if attitude:
-        yield Finding("warning", attitude)
+        yield warning(attitude)
     else:
         yield from _check_speed(scenario, vehicle, top_speed)
     yield from _check_current(world, vehicle, top_speed)
@@ -74,7 +74,7 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
         return
     yield from _check_start(scenario, vehicle, world, "start")
     if scenario.modem:
-        yield Finding("warning", "modem: has no effect: only a fleet has modems, and there is no [[member]]")
+        yield warning("modem: has no effect: only a fleet has modems, and there is no [[member]]")
     if scenario.controller in AUTOPILOTS:  # the autopilot flies its own mission
         return
     misplaced = list(check_places(scenario, subject, world))
@@ -84,10 +84,10 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
     try:
         plan = prepare(scenario, world)
     except ConfigError as error:
-        yield Finding("problem", str(error))
+        yield problem(str(error))
         return
     except MissionError as error:
-        yield Finding("problem", f"{KEYS.get(error.subject.partition('[')[0], '')}{error}")
+        yield problem(f"{KEYS.get(error.subject.partition('[')[0], '')}{error}")
         return
     yield from _check_plan(scenario, plan, min(plan.request.master.speed, top_speed or plan.request.master.speed))
     yield from check_guidance(scenario, vehicle, plan.planner, plan.request)
@@ -118,8 +118,7 @@ def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iter
     """Compare the requested speed with the vehicle's top speed."""
     key, speed = requested_speed(scenario)
     if top_speed and speed > top_speed:
-        yield Finding(
-            "warning",
+        yield warning(
             f"{key}: {speed:g} m/s, but {vehicle.name} reaches {top_speed:.2f} m/s: request a lower speed, or "
             "use another vehicle",
         )
@@ -129,8 +128,7 @@ def _check_current(world: World, vehicle: Vehicle, top_speed: float) -> Iterator
     """Compare the steady current with the speed that the vehicle reaches."""
     current = hypot(*world.current[:2])
     if top_speed and current >= top_speed:
-        yield Finding(
-            "warning",
+        yield warning(
             f"world: {world.name}: current: {current:.2f} m/s is faster than {vehicle.name}, which reaches "
             f"{top_speed:.2f} m/s: reduce current in the world's file",
         )
@@ -149,14 +147,12 @@ def _check_periods(scenario: Scenario) -> Iterator[Finding]:
             f"{when}: use at least {2.0 * period:g} s, or a shorter command_period in [master]",
         )
     if scenario.network.command_rate * period < 1.0 - 1e-9:
-        yield Finding(
-            "warning",
+        yield warning(
             f"network: command_rate: the slave accepts {scenario.network.command_rate:g} commands a second, but "
             f"command_period of [master] sends {1.0 / period:g}: use at least {1.0 / period:g} Hz",
         )
     if slave.control_period < slave.step:
-        yield Finding(
-            "warning",
+        yield warning(
             f"slave: control_period: {slave.control_period:g} s is shorter than step, {slave.step:g} s: use a "
             "shorter step, or increase control_period to the same",
         )
@@ -168,8 +164,7 @@ def _check_event_times(scenario: Scenario) -> Iterator[Finding]:
     times += [(f"release[{number}]", one.time) for number, one in enumerate(scenario.release)]
     for key, time in times:
         if time > scenario.master.time_limit:
-            yield Finding(
-                "warning",
+            yield warning(
                 f"{key}: time: {time:g} s is after the end of the run, time_limit of [master], "
                 f"{scenario.master.time_limit:g} s: use an earlier time, or increase time_limit",
             )
@@ -182,12 +177,11 @@ def _check_mavlink(scenario: Scenario) -> Iterator[Finding]:
         return
     duplicates = {one for one in mavlink.endpoints if mavlink.endpoints.count(one) > 1}
     for endpoint in sorted(duplicates):
-        yield Finding("problem", f"mavlink: endpoints: {endpoint!r} is listed twice: remove one")
+        yield problem(f"mavlink: endpoints: {endpoint!r} is listed twice: remove one")
     _, _, port = split_endpoint(scenario.slave.listen)
     for endpoint in mavlink.endpoints:
         if endpoint.startswith("tcpin:") and endpoint.rpartition(":")[2] in (str(port), str(port + 1)):
-            yield Finding(
-                "problem",
+            yield problem(
                 f"mavlink: endpoints: {endpoint!r}: [slave] listen uses ports {port} and {port + 1}: use another port",
             )
 
@@ -199,7 +193,7 @@ def _check_link(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:
             end_protocol(scenario.link, "host", len(vehicle.channels))
         check_line_rate(scenario.link, len(vehicle.channels), 1.0 / scenario.slave.control_period)
     except ConfigError as error:
-        yield Finding("problem", str(error))
+        yield problem(str(error))
 
 
 def _check_autopilot_link(scenario: Scenario) -> Iterator[Finding]:
@@ -210,8 +204,7 @@ def _check_autopilot_link(scenario: Scenario) -> Iterator[Finding]:
     carried, settings = line_rate(scenario), settings_of(scenario)
     if 0.0 < carried < settings.rate:
         least = ceil(settings.baud * settings.rate / carried)
-        yield Finding(
-            "problem",
+        yield problem(
             f"autopilot: baud: {settings.baud} bit/s transmits {carried:.0f} HIL_SENSOR messages a second, but rate is "
             f"{settings.rate:g} Hz: use at least {least} bit/s, or a lower rate",
         )
@@ -222,8 +215,7 @@ def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -
     start, tether = scenario.start, scenario.tether
     distance = dist(tether.anchor, (start.north, start.east, start.depth)) if tether else 0.0
     if tether and distance > tether.length:
-        yield Finding(
-            "problem",
+        yield problem(
             f"tether: length: {tether.length:g} m, but the anchor is {distance:.1f} m away from {key}: use at least "
             f"{ceil(distance)} m, or move the anchor",
         )
@@ -231,9 +223,9 @@ def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -
     try:
         build_simulation(scenario, vehicle, world)
     except StartPositionError as error:
-        yield Finding("problem", f"{key}: {error}")
+        yield problem(f"{key}: {error}")
     except ConfigError as error:
-        yield Finding("problem", str(error))
+        yield problem(str(error))
 
 
 def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[Finding]:
@@ -245,16 +237,14 @@ def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[Findin
         for a, b in pairwise(planner.path)
     )
     if least > master.time_limit:
-        yield Finding(
-            "problem",
+        yield problem(
             f"master: time_limit: the path of {length:.0f} m takes at least {least:.0f} s at {speed:.2f} m/s, "
             f"but the run ends after {master.time_limit:g} s: increase time_limit",
         )
     published = {spec.topic for spec in scenario.sensors.values()}
     for topic in planner.subscriptions:
         if topic in SCANS and topic not in published:
-            yield Finding(
-                "problem",
+            yield problem(
                 f"planner: {type(planner).__name__} needs the topic {topic!r}, but no sensor publishes it: add "
                 f"[sensors.{topic}] with a rate above 0",
             )
@@ -281,8 +271,7 @@ def _check_places(planner: Planner, grid: OccupancyGrid, clearance: float, time_
     if isinstance(planner, Tasks):
         least = sum(task.duration for task in planner.mission.task if not task.when)
         if least > time_limit:
-            yield Finding(
-                "problem",
+            yield problem(
                 f"master: time_limit: the tasks take {least:g} s, without the travel between them, but the run ends "
                 f"after {time_limit:g} s: increase time_limit",
             )

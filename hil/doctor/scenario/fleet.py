@@ -7,7 +7,7 @@ from math import dist, hypot, pi, sin
 from hil.autonomy.fleets.hunting import HuntPlan
 from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissionError
-from hil.doctor.vehicle.finding import Finding
+from hil.doctor.vehicle.finding import Finding, problem, warning
 from hil.master.flight import make_request
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import hunt_plan
@@ -25,18 +25,18 @@ def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[
     yield from _check_distances(scenario, vehicle)
     yield from _check_endpoints(scenario)
     if scenario.security and scenario.modem:
-        yield Finding("problem", "modem: the acoustic channel does not support [security]: remove one of them")
+        yield problem("modem: the acoustic channel does not support [security]: remove one of them")
     if scenario.hunting is None:
         if any(member.goal for member in scenario.member):
             return
-        yield Finding("warning", "hunting: there is none, so `uuv-hil fleet agent` has no task: add it, with a target")
+        yield warning("hunting: there is none, so `uuv-hil fleet agent` has no task: add it, with a target")
         return
     if scenario.modem:
         yield from _check_modem(scenario, scenario.hunting)
     try:
         plan = hunt_plan(scenario)
     except MissionError as error:
-        yield Finding("problem", f"hunting: {error}")
+        yield problem(f"hunting: {error}")
         return
     yield from _check_ring(scenario, scenario.hunting)
     yield from _check_paths(scenario, plan, vehicle, world)
@@ -50,8 +50,7 @@ def _check_distances(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:
     for (number, one), (other, two) in combinations(enumerate(scenario.member), 2):
         apart = hypot(one.north - two.north, one.east - two.east)
         if apart < least:
-            yield Finding(
-                "problem",
+            yield problem(
                 f"member[{other}]: {two.node} starts {apart:.2f} m from {one.node} (member[{number}]), less than "
                 f"{least:.2f} m ({why}): change its north or east",
             )
@@ -67,8 +66,7 @@ def _check_endpoints(scenario: Scenario) -> Iterator[Finding]:
             ports = [(host, port + step) for step in range(PORTS)]
             other = next((users[one] for one in ports if one in users), None)
             if other:
-                yield Finding(
-                    "problem",
+                yield problem(
                     f"{name}: {endpoint} uses ports {port} and {port + 1}, and {other} uses one of them: use "
                     "another port",
                 )
@@ -80,15 +78,14 @@ def _check_modem(scenario: Scenario, hunting: Hunting) -> Iterator[Finding]:
     try:
         modem = modem_of(scenario)
     except ConfigError as error:
-        yield Finding("problem", str(error))
+        yield problem(str(error))
         return
     longest = getattr(modem.model, "longest", REPORT_BYTES)
     if longest < REPORT_BYTES:
-        yield Finding("problem", f"modem: longest: {longest} bytes is shorter than a report: use {REPORT_BYTES}")
+        yield problem(f"modem: longest: {longest} bytes is shorter than a report: use {REPORT_BYTES}")
     busy = modem.model.airtime_ns(REPORT_BYTES) * 1e-9 * len(scenario.member)
     if not modem.slot and hunting.report_period < busy:
-        yield Finding(
-            "warning",
+        yield warning(
             f"hunting: report_period: {hunting.report_period:g} s, but the reports of all vehicles take {busy:.3g} s "
             "to send, so most are lost: increase it, or bit_rate of [modem], or set slot of [modem]",
         )
@@ -98,14 +95,12 @@ def _check_ring(scenario: Scenario, hunting: Hunting) -> Iterator[Finding]:
     """Compare the distance of neighbours on the ring with min_separation, and with the communication range."""
     apart = 2.0 * hunting.ring * sin(pi / len(scenario.member))
     if apart < hunting.min_separation:
-        yield Finding(
-            "problem",
+        yield problem(
             f"hunting: ring: neighbours on it are {apart:.2f} m apart, less than min_separation, "
             f"{hunting.min_separation:g} m: increase ring",
         )
     if apart > hunting.fields.communication_range:
-        yield Finding(
-            "warning",
+        yield warning(
             f"hunting: ring: neighbours on it are {apart:.2f} m apart, more than communication_range of "
             f"[hunting.fields], {hunting.fields.communication_range:g} m, so they do not receive each other: reduce "
             "ring",
@@ -116,8 +111,7 @@ def _check_paths(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: Wo
     """Check whether the hunt ends in time, and whether the paths are free. The vehicles do not avoid obstacles."""
     limit = scenario.master.time_limit
     if plan.duration > limit:
-        yield Finding(
-            "problem",
+        yield problem(
             f"master: time_limit: the hunt takes at least {plan.duration:.0f} s, but the run ends after {limit:g} s: "
             "increase it, or max_speed of [hunting.fields]",
         )
@@ -125,7 +119,7 @@ def _check_paths(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: Wo
     try:
         grid = make_request(scenario._replace(master=scenario.master._replace(goal=goal)), vehicle, world).map
     except ConfigError as error:
-        yield Finding("problem", str(error))
+        yield problem(str(error))
         return
     inflated = grid.inflate(hypot(*vehicle.dimensions[:2]) / 2.0)
     for number, member in enumerate(scenario.member):
@@ -133,8 +127,7 @@ def _check_paths(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: Wo
         blocked = next((point for point in path if not inflated.is_free(point)), None)
         if blocked:
             where = "inside an obstacle" if grid.contains(blocked) else f"outside the map of {world.name}"
-            yield Finding(
-                "problem",
+            yield problem(
                 f"hunting: the path of {member.node} passes ({blocked[0]:.1f} m north, {blocked[1]:.1f} m east), "
                 f"{where}, {dist(blocked, plan.target):.1f} m from the target: move the target or member[{number}]",
             )

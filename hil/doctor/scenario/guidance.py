@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import degrees, dist, tan
 
 from hil.autonomy.paths.astar import path_length
-from hil.doctor.vehicle.finding import Finding
+from hil.doctor.vehicle.finding import Finding, note, problem, warning
 from hil.doctor.vehicle.subject import Subject
 from hil.master.flight import DEPTH_HOLD
 from hil.master.guidance import LENGTHS, ROOM, fin_gains, narrow_turn
@@ -27,7 +27,7 @@ def check_guidance(
     """
     name = planner.__name__ if isinstance(planner, type) else type(planner).__name__
     if request and scenario.master.waypoint and not planner.passes_waypoints:
-        yield _warning(
+        yield warning(
             f"master: waypoint: {name} does not pass the waypoints: leave out [planner], or set passes_waypoints in "
             "a planner of your own that does"
         )
@@ -35,7 +35,7 @@ def check_guidance(
         yield from _check_dives(scenario, vehicle, request)
         return
     if planner.hovers:
-        yield _warning(
+        yield warning(
             f"planner: {name} {planner.hovers}, but {vehicle.name} steers by fins and cannot stop: it goes on, in "
             "circles where it has no way; give it room for them, or use another planner or vehicle"
         )
@@ -51,22 +51,22 @@ def check_guidance(
     )
     for key, least, unit, text in rules:
         if getattr(master, key) < 0.99 * least:  # derived keys are rounded
-            yield _warning(
+            yield warning(
                 f"master: {key}: {getattr(master, key):g} {unit}, but {text}: use at least {least:.2g} {unit}, or "
                 "leave out the key"
             )
     if narrow := narrow_turn(request):
-        yield _warning(narrow)
+        yield warning(narrow)
     straight, flown = path_length(request.course), path_length(planner.path)
     if straight < 2.0 * (len(request.course) - 1) * limits.turn_radius and flown > DETOUR * straight:
-        yield _warning(
+        yield warning(
             f"master: goal: {straight:.1f} m away, but {circle}, so the path has {flown:.0f} m: move the goal, or "
             "start with the heading towards it"
         )
     for key, (start, end) in zip(_keys(scenario), pairwise(request.course), strict=True):
         dive = abs(end[2] - start[2])
         if dive / tan(limits.climb_angle) > dist(start[:2], end[:2]):
-            yield _warning(
+            yield warning(
                 f"master: {key}: {vehicle.name} changes its depth by at most {degrees(limits.climb_angle):.0f} deg, so "
                 f"it needs {dive / tan(limits.climb_angle):.0f} m for {dive:g} m, and circles: begin nearer to that "
                 "depth, or farther away"
@@ -84,19 +84,17 @@ def check_places(scenario: Scenario, subject: Subject, world: World) -> Iterator
         seabed = world.seabed(place_north, place_east)
         if is_inside and master.map == "known" and depth + below >= seabed:
             higher = f"use less than {seabed - below:.2f} m, " if seabed > below else ""
-            yield Finding(
-                "problem",
+            yield problem(
                 f"master: {key}: {depth:g} m, but the seabed there is {seabed:.2f} m deep, and {vehicle.name} needs "
                 f"{below:.2f} m of water above it: {higher}move the place, or lessen seabed_margin",
             )
         elif not can_dive and abs(depth - scenario.start.depth) > half:
-            yield Finding(
-                "problem",
+            yield problem(
                 f"master: {key}: {depth:g} m, but the thrusters of {vehicle.name} do not change its depth: use "
                 f"{scenario.start.depth:g} m, that of its start, or another vehicle",
             )
         elif depth < half and not subject.floats:
-            yield _warning(
+            yield warning(
                 f"master: {key}: {depth:g} m, but the hull of {vehicle.name} reaches {half:.2f} m above its middle, so "
                 f"it would leave the water: use at least {half:.2g} m"
             )
@@ -107,8 +105,7 @@ def _check_dives(scenario: Scenario, vehicle: Vehicle, request: PlanRequest | No
     for key, (start, end) in zip(_keys(scenario), pairwise(request.course if request else ()), strict=False):
         dive, way = abs(end[2] - start[2]), dist(start[:2], end[:2])
         if dive / DEPTH_HOLD.limit > way / scenario.master.speed > 0.0:  # a vertical dive is meant to stop it
-            yield Finding(
-                "note",
+            yield note(
                 f"master: {key}: {dive:g} m over {way:.1f} m is steeper than {vehicle.name} dives at "
                 f"{scenario.master.speed:g} m/s: it slows down, as it changes its depth by at most "
                 f"{DEPTH_HOLD.limit:g} m/s",
@@ -118,7 +115,3 @@ def _check_dives(scenario: Scenario, vehicle: Vehicle, request: PlanRequest | No
 def _keys(scenario: Scenario) -> list[str]:
     """Return the keys of [master] with the depths of its places."""
     return [*(f"waypoint[{number}]: depth" for number in range(len(scenario.master.waypoint))), "depth"]
-
-
-def _warning(text: str) -> Finding:
-    return Finding("warning", text)

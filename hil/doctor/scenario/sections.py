@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator
 
 from hil.common.errors import NetworkError
-from hil.doctor.vehicle.finding import Finding
+from hil.doctor.vehicle.finding import Finding, problem, warning
 from hil.network.security import tls
 from hil.scenario.config import Scenario
 from sim.vehicle.failures import Failure
@@ -30,8 +30,7 @@ def _check_depth_margin(scenario: Scenario) -> Iterator[Finding]:
     """Find a depth margin that is smaller than the overshoot of any controller."""
     margin = scenario.master.depth_margin
     if margin < MIN_DEPTH_MARGIN_M and "too_deep" not in scenario.master.allow:
-        yield Finding(
-            "warning",
+        yield warning(
             f"master: depth_margin: {margin:g} m is less than the overshoot of the depth control, and the run fails as "
             f'too deep: use at least {MIN_DEPTH_MARGIN_M:g} m, or add "too_deep" to allow',
         )
@@ -41,8 +40,7 @@ def _check_odometry(scenario: Scenario) -> Iterator[Finding]:
     """Find an odometry rate that is too low for the slave's controller."""
     odometry = scenario.sensors.get("odometry")
     if scenario.controller == "builtin" and odometry and odometry.model.rate < MIN_ODOMETRY_HZ:
-        yield Finding(
-            "warning",
+        yield warning(
             f"sensors: odometry: rate: {odometry.model.rate:g} Hz is too slow for the controller, which reads speed "
             f"and depth from it: use at least {MIN_ODOMETRY_HZ:g} Hz",
         )
@@ -54,16 +52,14 @@ def _check_failures(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:
     pairs = zip(vehicle.thrusters, x, y, strict=True)
     horizontal = {thruster.name for thruster, *push in pairs if max(map(abs, push)) > HORIZONTAL}
     if max(map(abs, x)) < HORIZONTAL and scenario.master.goal is not None:
-        yield Finding(
-            "problem",
+        yield problem(
             f"vehicle: {vehicle.name} has no thruster that pushes ahead, so it cannot reach the goal: correct the "
             "directions in its file, or use another vehicle (a glider moves by its buoyancy engine alone)",
         )
     repaired = {one.thruster for one in scenario.failure if one.kind == "repaired"}
     dead = {one.thruster for one in scenario.failure if _is_dead_at_start(one)} - repaired
     if horizontal and horizontal <= dead:
-        yield Finding(
-            "problem",
+        yield problem(
             f"failure: all horizontal thrusters fail at 0 s ({', '.join(sorted(horizontal))}), so the vehicle cannot "
             "leave its start: remove one failure, or set a later time",
         )
@@ -86,16 +82,14 @@ def _check_security(scenario: Scenario) -> Iterator[Finding]:
             try:
                 tls(folder)
             except NetworkError as error:
-                yield Finding("problem", f"security: {key}: {error}")
+                yield problem(f"security: {key}: {error}")
         elif existing:
-            yield Finding(
-                "warning",
+            yield warning(
                 f"security: {key}: there is no folder {folder}: create it with `uuv-hil keys add NAME`, unless the "
                 f"{key} runs on another machine",
             )
         else:
-            yield Finding(
-                "problem",
+            yield problem(
                 f"security: {key}: there is no folder {folder}, nor another folder of [security]: create it with "
                 "`uuv-hil keys add NAME`",
             )

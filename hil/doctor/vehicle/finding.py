@@ -1,6 +1,7 @@
 """The record of a finding about a vehicle or a scenario."""
 
 from collections.abc import Iterable
+from functools import partial
 from typing import NamedTuple
 
 
@@ -17,6 +18,9 @@ class Finding(NamedTuple):
     def __str__(self) -> str:
         """Return the finding as a line of a command's output."""
         return f"{self.level}: {self.text}"
+
+
+problem, warning, note = partial(Finding, "problem"), partial(Finding, "warning"), partial(Finding, "note")
 
 
 def exit_code(findings: Iterable[Finding], strict: bool) -> int:
