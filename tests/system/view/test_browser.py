@@ -122,19 +122,16 @@ def test_touch_sticks_steer_on_a_phone(tmp_path: Path) -> None:
     with viewed_slave(tmp_path) as (page, vehicle, _):
         page.page.set_viewport_size({"width": 390, "height": 700})
         page.wait_until_ready()
-        touch = page.page.context.new_cdp_session(page.page)
-        thumbs: list[dict[str, float]] = []
-        for number, stick, x, y in ((1, "left", 0, -40), (2, "right", 40, 0)):
+        screen, thumbs = page.page.context.new_cdp_session(page.page), list[dict[str, float]]()
+        for stick, x, y in (("left", 56, 16), ("right", 96, 56)):  # pixels from the corner of a stick of 112
             box = page.page.locator(f"#{stick}stick").bounding_box()
-            thumbs.append({"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2, "id": number})
-            touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": thumbs})
-            thumbs[-1] |= {"x": thumbs[-1]["x"] + x, "y": thumbs[-1]["y"] + y}
-            touch.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": thumbs})
+            thumbs.append({"x": box["x"] + x, "y": box["y"] + y, "id": len(thumbs)})
+            screen.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": thumbs})
 
         def is_moved() -> bool:
             north, east = np.subtract(vehicle.ground_truth.position[:2], (4.0, 4.0))  # heading north
-            return bool(north > 0.3 and east > 0.3)
+            return bool(min(north, east) > 0.3)
 
         assert page.wait_until(is_moved), "the thumbs do not move the vehicle"
-        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        screen.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
         assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05), "it goes on with the thumbs lifted"

@@ -121,11 +121,6 @@ def test_legs_are_followed_through_every_point_without_a_stop(client: DirectClie
     assert min(state.velocity[0] ** 2 + state.velocity[1] ** 2 for state in track[100:-1]) > 0.3**2
 
 
-def test_a_thrust_action_is_done_at_once(client: DirectClient) -> None:
-    reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
-    assert len(fly_until_done(client, reported, 5.0)) == 1
-
-
 def endless_action() -> Action:
     return actions.drive(VelocityCommand(depth=500.0), 0.1)
 

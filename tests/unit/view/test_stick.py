@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.view.teleop.stick import SILENT_AFTER_NS, Stick
+from hil.view.teleop.stick import AXES, FULL, SILENT_AFTER_NS, Stick
 
 NOW = 10**12
 
@@ -50,20 +50,13 @@ def test_a_malformed_message_releases_the_stick(broken: dict[str, Any]) -> None:
     assert stick.malformed == 1
 
 
+NUMBERS = {axis: st.floats() | st.integers() for axis in AXES}
 ANY = st.none() | st.booleans() | st.floats() | st.text(max_size=5) | st.lists(st.integers(), max_size=3)
 
 
-@given(ANY, st.dictionaries(st.sampled_from(("surge", "sway", "heave", "yaw", "other")), ANY), ANY, ANY)
+@given(ANY, st.dictionaries(st.sampled_from((*AXES, "other")), ANY) | st.fixed_dictionaries(NUMBERS), ANY, ANY)
 def test_any_message_is_decoded_without_an_exception(held: Any, axes: dict[str, Any], mode: Any, holds: Any) -> None:
     stick = Stick()
     stick.update({"held": held, "axes": axes, "mode": mode, "hold_depth": holds}, NOW)
     command = stick.command(NOW)
-    assert command is None or max(abs(value) for value in command[1:5]) <= 40.0
-
-
-@given(st.lists(st.floats(), min_size=4, max_size=4))
-def test_the_limits_hold_for_any_axes(values: list[float]) -> None:
-    stick = Stick()
-    stick.update({"held": True, "axes": dict(zip(("surge", "sway", "heave", "yaw"), values, strict=True))}, NOW)
-    command = stick.command(NOW)
-    assert command is None or (abs(command.surge) <= 0.5 and abs(command.heave) <= 0.3)
+    assert command is None or all(abs(v) <= most for v, most in zip(command[1:5], FULL[command.mode], strict=True))
