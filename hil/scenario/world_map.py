@@ -121,7 +121,7 @@ def map_at(
             world.terrain.unmap()  # the kernel has mapped far more than what was read
         return np.where(is_deep, free, -1.0)
 
-    return OccupancyGrid.rasterise(clearance, extent or _extent(world), resolution, vectorised=True)
+    return OccupancyGrid.rasterise(clearance, extent or _extent(world), resolution)
 
 
 def _extent(world: World) -> Extent:

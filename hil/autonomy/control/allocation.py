@@ -39,7 +39,7 @@ class Allocator:
     three is scaled as a whole, so a reduced horizontal force keeps its direction. Redundant thrusters are not used to
     avoid saturation.
 
-    `axis_weights` and `thruster_weights` are those of `pseudo_inverse`.
+    `axis_weights` are those of `pseudo_inverse`.
     """
 
     def __init__(
@@ -48,14 +48,13 @@ class Allocator:
         max_forward: Sequence[float],
         max_reverse: Sequence[float],
         axis_weights: Sequence[float] = AXIS_WEIGHTS,
-        thruster_weights: Sequence[float] | None = None,
     ) -> None:
         _check(matrix, max_forward, max_reverse)
         self._given = matrix, max_forward, max_reverse
         self._columns = list(zip(*matrix, strict=True))
         self._forward = list(max_forward)
         self._reverse = [-limit for limit in max_reverse]
-        self._inverse, self.rank = pseudo_inverse(matrix, axis_weights, thruster_weights)
+        self._inverse, self.rank = pseudo_inverse(matrix, axis_weights)
 
     def without(self, failed: Sequence[bool]) -> "Allocator":
         """Return the allocator that does not use the `failed` ones of the n thrusters; itself if no other pushes."""
@@ -112,28 +111,21 @@ class Allocator:
 
 
 def pseudo_inverse(
-    matrix: Sequence[Sequence[float]],
-    axis_weights: Sequence[float] = AXIS_WEIGHTS,
-    thruster_weights: Sequence[float] | None = None,
+    matrix: Sequence[Sequence[float]], axis_weights: Sequence[float] = AXIS_WEIGHTS
 ) -> tuple[Matrix, int]:
     """Return the weighted pseudo-inverse (n rows of 6) of a 6 x n thruster matrix, and the matrix's rank.
 
-    Of all thrusts f with the least error, the sum of (axis weight x error)² over X Y Z K M N, it gives those with the
-    least cost, the sum of thruster weight x f². The weights are six and n positive numbers; thruster weights default to
-    1. So an axis weight is the importance of an axis where not everything is possible. A thruster with weight 4 does a
-    quarter of the work where another can do it; this is for a weak or worn thruster. Raises ConfigError if the number
-    of weights is wrong or one is not positive.
+    Of all thrusts f with the least error, the sum of (axis weight x error)² over X Y Z K M N, it gives the least
+    ones. The weights are six positive numbers: the importance of each axis where not everything is possible. Raises
+    ConfigError if the number of weights is wrong or one is not positive.
 
-    With D and W diagonal matrices of the axis and thruster weights, it is W^-1/2 (D T W^-1/2)+ D (Fossen 2021, section
-    11.2.2, for full rank). It is computed by one-sided Jacobi (Golub & Van Loan 2013, section 8.6): rotations make the
-    rows orthogonal; then each row is a singular value times a right singular vector.
+    With D the diagonal matrix of the weights, it is (D T)+ D (Fossen 2021, section 11.2.2, for full rank). It is
+    computed by one-sided Jacobi (Golub & Van Loan 2013, section 8.6): rotations make the rows orthogonal; then each row
+    is a singular value times a right singular vector.
     """
-    inverse_roots = _inverse_root_weights(thruster_weights, len(matrix[0]))
-    _check_weights("axis", axis_weights, len(matrix))
-    rows = [
-        [weight * value * ease for value, ease in zip(row, inverse_roots, strict=True)]
-        for weight, row in zip(axis_weights, matrix, strict=True)
-    ]
+    if len(axis_weights) != len(matrix) or not all(weight > 0.0 for weight in axis_weights):
+        raise ConfigError(f"thrusters: axis weights must be {len(matrix)} numbers above 0")
+    rows = [[weight * value for value in row] for weight, row in zip(axis_weights, matrix, strict=True)]
     size = len(rows)
     basis = [[float(i == j) for j in range(size)] for i in range(size)]
     dust = _RANK_TOLERANCE**2 * sum(dot(row, row) for row in rows)
@@ -144,9 +136,9 @@ def pseudo_inverse(
     least = max(energies) * _RANK_TOLERANCE**2
     strong = [i for i, energy in enumerate(energies) if energy > least]
     inverse = [
-        [ease * weight * sum(rows[i][column] * basis[i][axis] / energies[i] for i in strong)
+        [weight * sum(rows[i][column] * basis[i][axis] / energies[i] for i in strong)
          for axis, weight in enumerate(axis_weights)]
-        for column, ease in enumerate(inverse_roots)
+        for column in range(len(matrix[0]))
     ]  # fmt: skip
     return inverse, len(strong)
 
@@ -174,19 +166,6 @@ def _rotate(rows: Matrix, basis: Matrix, i: int, j: int, overlap: float) -> None
         first, second = table[i], table[j]
         table[i] = [c * a - s * b for a, b in zip(first, second, strict=True)]
         table[j] = [s * a + c * b for a, b in zip(first, second, strict=True)]
-
-
-def _inverse_root_weights(thruster_weights: Sequence[float] | None, count: int) -> list[float]:
-    """Return one over the square root of each thruster's weight."""
-    if thruster_weights is None:
-        return [1.0] * count
-    _check_weights("thruster", thruster_weights, count)
-    return [1.0 / sqrt(weight) for weight in thruster_weights]
-
-
-def _check_weights(kind: str, weights: Sequence[float], count: int) -> None:
-    if len(weights) != count or not all(weight > 0.0 for weight in weights):
-        raise ConfigError(f"thrusters: {kind} weights must be {count} numbers above 0")
 
 
 def _check(matrix: Sequence[Sequence[float]], forward: Sequence[float], reverse: Sequence[float]) -> None:

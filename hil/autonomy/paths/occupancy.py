@@ -57,7 +57,7 @@ class OccupancyGrid:
     @classmethod
     def empty(cls, extent: Extent, resolution: float) -> "OccupancyGrid":
         """Return a map of `extent` (m) without obstacles. Raises ConfigError."""
-        return cls.rasterise(lambda north, east: np.inf + 0.0 * north, extent, resolution, vectorised=True)
+        return cls.rasterise(lambda north, east: np.inf + 0.0 * north, extent, resolution)
 
     @classmethod
     def rasterise(
@@ -65,14 +65,12 @@ class OccupancyGrid:
         clearance: Callable[[Any, Any], Any],
         extent: Extent,
         resolution: float,
-        margin: float = 0.0,
-        vectorised: bool = False,
     ) -> "OccupancyGrid":
-        """Return a map of `extent`; a cell is occupied if the clearance at its centre is `margin` or less.
+        """Return a map of `extent`; a cell is occupied if there is no clearance at its centre.
 
-        `clearance(north, east)` returns the distance (m) to the nearest obstacle, negative inside; if `vectorised`,
-        with arrays. An obstacle smaller than a cell may be missed between centres; for a true distance, a margin of
-        0.71 cells prevents this. Raises ConfigError if the extent contains no cell or too many.
+        `clearance(norths, easts)` returns the distances (m) to the nearest obstacle, negative inside. An obstacle
+        smaller than a cell may be missed between centres. Raises ConfigError if the extent contains no cell or too
+        many.
         """
         rows = ceil((extent.north - extent.south) / resolution - 1e-9)
         columns = ceil((extent.east - extent.west) / resolution - 1e-9)
@@ -86,10 +84,9 @@ class OccupancyGrid:
             )
         north = extent.south + resolution * (np.arange(rows) + 0.5)
         east = extent.west + resolution * (np.arange(columns) + 0.5)
-        function = clearance if vectorised else np.vectorize(clearance, otypes=[float])
         cells = np.empty((rows, columns), bool)
         for part in _strips(rows, columns):
-            free = np.asarray(function(*np.meshgrid(north[part], east, indexing="ij"))) > margin
+            free = clearance(*np.meshgrid(north[part], east, indexing="ij")) > 0.0
             cells[part] = ~free
         return cls(cells, resolution, (extent.south, extent.west))
 

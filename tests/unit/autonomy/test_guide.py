@@ -88,7 +88,7 @@ def run_guide(guide: Guide, discs: list[Disc], start: Point, seconds: float = 25
 
 
 def map_of(discs: list[Disc]) -> OccupancyGrid:
-    return OccupancyGrid.rasterise(lambda north, east: clearance(discs, (north, east)), FIELD, 0.25)
+    return OccupancyGrid.rasterise(np.vectorize(lambda north, east: clearance(discs, (north, east))), FIELD, 0.25)
 
 
 @pytest.mark.parametrize(("seed", "search"), [(0, plan), (1, plan_any_angle)])

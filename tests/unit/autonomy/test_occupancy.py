@@ -33,39 +33,26 @@ def picture_of(grid: OccupancyGrid) -> tuple[str, ...]:
 
 
 def test_rasterise_places_an_asymmetric_world_correctly() -> None:
-    """The map has one round obstacle in the north-west, by its distance; scalar and vectorised functions agree."""
+    """The map has one round obstacle in the north-west, by its distance."""
     extent = Extent(south=-10.0, west=20.0, north=10.0, east=50.0)
 
-    def scalar(north: float, east: float) -> float:
-        return math.hypot(north - 6.0, east - 24.0) - 2.0
-
-    def vectorised(north: Any, east: Any) -> Any:
+    def clearance(north: Any, east: Any) -> Any:
         return np.hypot(north - 6.0, east - 24.0) - 2.0
 
-    grid = OccupancyGrid.rasterise(scalar, extent, 0.5)
+    grid = OccupancyGrid.rasterise(clearance, extent, 0.5)
     assert grid.cells.shape == (40, 60)
     assert not grid.is_free((6.0, 24.0))
     assert all(grid.is_free(mirrored) for mirrored in [(-6.0, 24.0), (6.0, 46.0), (-6.0, 46.0)])
     north, east = np.argwhere(grid.cells).mean(axis=0) + 0.5
     assert (-10.0 + 0.5 * north, 20.0 + 0.5 * east) == pytest.approx((6.0, 24.0))
     assert grid.cells.sum() * 0.25 == pytest.approx(math.pi * 4.0, rel=0.05)
-    assert np.array_equal(OccupancyGrid.rasterise(vectorised, extent, 0.5, vectorised=True).cells, grid.cells)
-
-
-def test_the_margin_includes_objects_between_cell_centres() -> None:
-    def post(north: float, east: float) -> float:
-        return math.hypot(north - 5.0, east - 5.0) - 0.1  # on the corner of four cells
-
-    extent = Extent(0.0, 0.0, 10.0, 10.0)
-    assert not OccupancyGrid.rasterise(post, extent, 1.0).cells.any()
-    assert OccupancyGrid.rasterise(post, extent, 1.0, margin=0.71).cells.sum() == 4
 
 
 def test_an_extent_that_is_no_multiple_of_the_cell_is_covered() -> None:
-    grid = OccupancyGrid.rasterise(lambda north, east: 1.0, Extent(0.0, 0.0, 1.05, 0.3), 0.1)
+    grid = OccupancyGrid.empty(Extent(0.0, 0.0, 1.05, 0.3), 0.1)
     assert grid.cells.shape == (11, 3)
     with pytest.raises(ConfigError, match="no cell"):
-        OccupancyGrid.rasterise(lambda north, east: 1.0, Extent(0.0, 0.0, 0.0, 1.0), 0.1)
+        OccupancyGrid.empty(Extent(0.0, 0.0, 0.0, 1.0), 0.1)
 
 
 def test_cells_and_points_convert_both_ways() -> None:
@@ -225,7 +212,7 @@ def test_a_large_map_is_rasterised_in_strips_and_a_too_large_one_refused() -> No
         sizes.append(north.shape)
         return np.hypot(north - 700.0, east - 900.0) - 100.0
 
-    grid = OccupancyGrid.rasterise(clearance, Extent(0.0, 0.0, 1401.0, 2000.0), 1.0, vectorised=True)
+    grid = OccupancyGrid.rasterise(clearance, Extent(0.0, 0.0, 1401.0, 2000.0), 1.0)
     assert len(sizes) > 2
     assert max(rows * columns for rows, columns in sizes) <= STRIP + 2 * 2000
     assert min(rows for rows, _ in sizes) >= 2
