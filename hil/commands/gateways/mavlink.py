@@ -6,10 +6,9 @@ from contextlib import ExitStack
 
 from hil.client.client import VehicleClient
 from hil.commands.listening import add_connect, add_take_over, network_of, presence, scenario_and_endpoints
-from hil.common.options import add_scenario, checked, integer, new_parser
+from hil.common.options import add_scenario, checked, new_parser
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
-from hil.scenario.config import Scenario
 from hil.scenario.mavlink_records import Mavlink, parse_endpoint
 
 EXAMPLES = """\
@@ -32,7 +31,9 @@ def main(arguments: list[str]) -> int:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     options = _parser().parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
-    settings = _settings(options, scenario)
+    settings = (scenario.mavlink if scenario else None) or Mavlink()
+    settings = settings._replace(endpoints=tuple(options.endpoint or settings.endpoints))
+    settings = settings._replace(commands_from=options.commands_from or settings.commands_from)
     network, security = network_of(scenario)
     from hil.gateways.mavlink.assembly import defaults_of, motors_of, origin_of, parameter_file
     from hil.gateways.mavlink.gateway import Gateway, open_link
@@ -56,17 +57,14 @@ def main(arguments: list[str]) -> int:
         table = ParameterTable(stored, port.parameters, port.set_parameter, defaults_of(scenario))
         signing = SigningKey(f"{stored}.key", settings.signing_key)
         for fault in table.faults:
-            print(fault, flush=True)
-        settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
+            _print(fault)
+        settings = settings._replace(system=int(table["SYSID_THISMAV"]))
         gateway = Gateway(
             port, settings, table, links, origin_of(scenario), _print, signing, motors=motors_of(scenario)
         )
         link_names = ", ".join([link.name for link in links])
-        print(
-            f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {link_names}; Ctrl-C ends it",
-            flush=True,
-        )
-        print(presence([], endpoints), flush=True)
+        _print(f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {link_names}; Ctrl-C ends it")
+        _print(presence([], endpoints))
         gateway.run(stop_fd)
     return 0
 
@@ -84,13 +82,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--vehicle", metavar="NAME", default="", help="vehicle [the scenario's, or uuv1]")
     parser.add_argument(
-        "--system", metavar="N", type=integer(1, 250), help="MAVLink system id [the stored SYSID_THISMAV, or 1]"
-    )
-    parser.add_argument(
         "--commands-from", choices=("localhost", "network"), help="machines that may command [localhost]"
     )
-    parser.add_argument("--logs", metavar="FOLDER", help="folder that MAVFTP offers [recordings]")
-    parser.add_argument("--parameters", metavar="FILE", help="file of stored parameters [one of this user's]")
     add_take_over(parser)
     return parser
 
@@ -98,19 +91,6 @@ def _parser() -> argparse.ArgumentParser:
 def _endpoint(text: str) -> str:
     parse_endpoint(text)
     return text
-
-
-def _settings(options: argparse.Namespace, scenario: Scenario | None) -> Mavlink:
-    """Return the settings of the scenario, changed by options."""
-    settings = (scenario.mavlink if scenario else None) or Mavlink()
-    given = {
-        "endpoints": tuple(options.endpoint) if options.endpoint else None,
-        "system": options.system,
-        "commands_from": options.commands_from,
-        "logs": options.logs,
-        "parameters": options.parameters,
-    }
-    return settings._replace(**{key: value for key, value in given.items() if value is not None})
 
 
 def _print(line: str) -> None:

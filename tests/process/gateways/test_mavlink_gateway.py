@@ -129,7 +129,8 @@ def test_a_second_mavlink_gateway_on_a_serial_line_cannot_command(
     tty.setraw(line)  # what is written before the gateway opens it is no text of a person
     device = os.ttyname(line)
     options = ("--connect", f"tcp/127.0.0.1:{vehicle.port}", "--endpoint", f"serial:{device}:115200")
-    with Program(tmp_path, "gateway", "mavlink", *options, "--parameters", tmp_path / "p.toml") as second:
+    own = {"XDG_STATE_HOME": str(tmp_path)}
+    with Program(tmp_path, "gateway", "mavlink", *options, environment=own) as second:
         second.expect("MAVLink system 1")
         ground.set_mode(Mode.ALT_HOLD)
         ground.arm()
