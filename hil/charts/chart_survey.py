@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, Mask, contains
 from hil.charts.chart_check import check_chart
-from hil.charts.charted_objects import DIAMETERS, ZONES, ChartedObjects, Nature, nature_of, pipelines_of, zones_of
+from hil.charts.charted_objects import ChartedObjects, Nature, nature_of, pipelines_of, zones_of
 from hil.charts.hazards import hazards_of
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.s57 import Cell, Feature
@@ -241,14 +241,14 @@ class _ChartLayer:
 
     def pipelines(self, covers: list[Edges]) -> list[Pipeline]:
         return [
-            pipeline for feature in self._cell.select(*DIAMETERS)
+            pipeline for feature in self._cell.features
             for pipeline in pipelines_of(feature, [p for edge in self._edges(feature) for p in _cut_line(edge, covers)])
         ]  # fmt: skip
 
     def zones(self) -> list[Zone]:
         detail = LINE_ACCURACY * self._cell.scale
         return [
-            zone for feature in self._cell.select(*ZONES) for zone in zones_of(feature, self._edges(feature), detail)
+            zone for feature in self._cell.features for zone in zones_of(feature, self._edges(feature), detail)
         ]  # fmt: skip
 
     def natures(self, covers: list[Edges]) -> list[Nature]:

@@ -1,7 +1,7 @@
 """Charted objects other than depths and obstacles: cables, pipelines, regulated areas, and the nature of the bed.
 
-A chart seldom gives the diameter of a pipeline or cable: the diameters here are assumed. It lies on the bed unless it
-is charted as buried. A chart gives the nature of the bed at points: each node of the bed takes that of the nearest
+A chart seldom gives the diameter of a pipeline or cable: that in sources/objects.toml is assumed. They lie on the bed
+unless charted as buried. A chart gives the nature of the bed at points: each node of the bed takes that of the nearest
 point within `NATURE_REACH`.
 """
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hil.autonomy.paths.polygons import Edges, fill
 from hil.charts.grid import Extent, Grid
 from hil.charts.sources.s57 import Feature
+from hil.charts.sources.s57_process import OBJECTS, RULES
 from sim.environment.obstacles import ZoneKind
 from sim.environment.things.bottom_map import UNKNOWN
 from sim.environment.things.natures import NATURES
@@ -22,20 +23,6 @@ from sim.environment.things.zones import Zone
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-DIAMETERS = {"PIPSOL": 0.6, "CBLSUB": 0.1}  # m
-ZONES: dict[str, ZoneKind] = {
-    "RESARE": "restricted", "ACHARE": "anchorage", "DMPGRD": "dumping", "MIPARE": "military", "CBLARE": "cable",
-    "PIPARE": "pipeline", "MARCUL": "farm", "FSHFAC": "farm",
-}  # fmt: skip
-# S-57 attribute 131 (RESTRN)
-RULES = {
-    1: "anchoring prohibited", 2: "anchoring restricted", 3: "fishing prohibited", 4: "fishing restricted",
-    5: "trawling prohibited", 6: "trawling restricted", 7: "entry prohibited", 8: "entry restricted",
-    9: "dredging prohibited", 10: "dredging restricted", 11: "diving prohibited", 12: "diving restricted",
-    13: "no wake", 14: "to be avoided", 15: "construction prohibited", 16: "discharging prohibited",
-    17: "discharging restricted", 20: "drilling prohibited", 24: "dragging prohibited",
-    25: "stopping prohibited", 27: "speed restricted",
-}  # fmt: skip
 NATURE_REACH = 100.0  # times the accuracy of a drawn line: 5 cm on paper
 BOTTOM_STEP = 2  # nodes of the depth grid per node of the bottom grid, along a side
 _KNOWN = {nature.code for nature in NATURES.values()}
@@ -68,9 +55,10 @@ class BottomGrid(NamedTuple):
 
 def pipelines_of(feature: Feature, lines: list[Array]) -> list[Pipeline]:
     """Return the pipelines or cables of a chart object, along `lines` (n, 2); none for other objects."""
-    if feature.kind not in DIAMETERS:
+    diameter: float | None = OBJECTS[feature.kind].get("diameter")
+    if diameter is None:
         return []
-    diameter, buried = DIAMETERS[feature.kind], feature.number("BURDEP") or 0.0
+    buried = feature.number("BURDEP") or 0.0
     is_cable = feature.kind == "CBLSUB"
     height = -(buried + diameter) if buried > 0.0 else 0.0
     return [
@@ -82,15 +70,16 @@ def pipelines_of(feature: Feature, lines: list[Array]) -> list[Pipeline]:
 
 def zones_of(feature: Feature, edges: Edges, detail: float) -> list[Zone]:
     """Return the zones of a chart object, their outlines simplified to `detail` m; none for other objects."""
-    if feature.kind not in ZONES or not feature.is_area or not edges:
+    kind: ZoneKind | None = OBJECTS[feature.kind].get("zone")
+    if kind is None or not feature.is_area or not edges:
         return []
     import shapely
 
     area = shapely.build_area(shapely.GeometryCollection([shapely.LineString(edge) for edge in edges]))
     polygons = shapely.get_parts(area.simplify(detail))
-    rules = ", ".join(RULES[code] for code in feature.codes.get("RESTRN", ()) if code in RULES)
+    rules = ", ".join(RULES[str(code)] for code in feature.codes.get("RESTRN", ()) if str(code) in RULES)
     return [
-        Zone(ZONES[feature.kind], _rounded(np.asarray(part.exterior.coords)[:-1]), feature.name, rules)
+        Zone(kind, _rounded(np.asarray(part.exterior.coords)[:-1]), feature.name, rules)
         for part in polygons
         if len(part.exterior.coords) > 3
     ]

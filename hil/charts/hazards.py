@@ -1,7 +1,7 @@
 """Obstacles of a chart: obstructions, wrecks, rocks, piles, islets, structures, buildings, marks and floating objects.
 
-A chart gives most of them as points without a size. The radii and draughts here are assumed, and rather large. Where a
-chart gives no depth, WATLEV (water level effect) says whether the object is above the water. Of shore constructions,
+A chart gives most of them as points without a size: sources/objects.toml has their radii and draughts. Where a chart
+gives no depth, WATLEV (water level effect) says whether the object is above the water. Of shore constructions,
 causeways and dams only the parts with water on both sides become obstacles (piers and moles); the rest is the edge of
 land. Structures and floating objects have their charted outline; an area becomes a rectangle of about the same size
 where possible. Areas on the bed raise it, except for rectangles with walls, which are blocks.
@@ -19,32 +19,16 @@ from hil.charts.charted_objects import BottomGrid, ChartedObjects
 from hil.charts.grid import Grid
 from hil.charts.gridding import Surface
 from hil.charts.sources.s57 import Feature
+from hil.charts.sources.s57_process import OBJECTS
 from hil.charts.sources.survey import Hazard, Survey, first_in_cell
 from sim.environment.obstacles import STANDING, Box, Cylinder
 
 Array = NDArray[np.float64]
 
-RADII = {
-    "OBSTRN": 2.0, "WRECKS": 8.0, "UWTROC": 2.0, "PILPNT": 0.4, "PYLONS": 3.0, "MORFAC": 1.0, "LNDARE": 5.0,
-    "SLCONS": 1.0, "CAUSWY": 3.0, "DAMCON": 3.0, "PONTON": 1.0, "HULKES": 4.0, "FLODOC": 4.0,
-    "OFSPLF": 5.0, "GATCON": 1.0, "DYKCON": 3.0, "FSHFAC": 0.5, "LOGPON": 1.0, "OILBAR": 0.5, "LITVES": 4.0,
-    "LITFLT": 2.0, "LNDMRK": 2.0, "BUISGL": 3.0,
-    **dict.fromkeys(("BCNCAR", "BCNISD", "BCNLAT", "BCNSAW", "BCNSPP"), 0.3),
-    **dict.fromkeys(("BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP"), 1.0),
-}  # fmt: skip
-DRAUGHTS = {
-    "PONTON": 1.0, "HULKES": 4.0, "FLODOC": 5.0, "LOGPON": 1.0, "OILBAR": 1.0, "LITVES": 3.0, "LITFLT": 2.0,
-    **{kind: 1.0 for kind in RADII if kind.startswith("BOY")},
-}  # m  # fmt: skip
 DRAUGHT = 1.0  # m, of other floating objects
-STRUCTURES = {"SLCONS", "CAUSWY", "DAMCON", "DYKCON", "GATCON"}
 SLOPES = (8.0, 9.0, 12.0, 13.0, 17.0)  # CATSLC (attribute 60): rip rap, revetment, ramp, slipway, log ramp
 MOORING_BUOY = 7.0  # S-57 appendix A, attribute 40 (CATMOR)
 OUT_OF_WATER = -100.0  # m: depth of a top above the water, as in sim.environment.obstacles
-STANDS_UP = {
-    "PILPNT", "PYLONS", "MORFAC", "LNDARE", "OFSPLF", "FSHFAC", "LNDMRK", "BUISGL", *STRUCTURES,
-    *(kind for kind in RADII if kind.startswith("BCN")),
-}  # their tops are above the water unless WATLEV states otherwise  # fmt: skip
 # Depths of tops by WATLEV (S-57 appendix A, attribute 187): 1 partly submerged at high water, 2 always dry, 4 covers
 # and uncovers, 5 awash. 3, always under water, gives no depth.
 TOPS = {1.0: OUT_OF_WATER, 2.0: OUT_OF_WATER, 4.0: 0.0, 5.0: 0.0}
@@ -69,12 +53,13 @@ class SeabedModel(NamedTuple):
 
 def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
     """Return the hazards of one chart object, with `points` and `edges` on the plane; none for land and fisheries."""
-    if feature.kind not in RADII or (feature.kind in {"LNDARE", "FSHFAC"} and feature.is_area):
+    traits = OBJECTS[feature.kind]
+    if "radius" not in traits or (feature.kind in {"LNDARE", "FSHFAC"} and feature.is_area):
         return []
-    top, radius, bottom, is_structure = _top(feature), RADII[feature.kind], STANDING, feature.kind in STRUCTURES
+    top, radius, bottom, is_structure = _top(feature), traits["radius"], STANDING, "is_structure" in traits
     floats = feature.number("WATLEV") == FLOATING or feature.number("CATMOR") == MOORING_BUOY
-    if floats or feature.kind in DRAUGHTS:
-        top, bottom = OUT_OF_WATER, DRAUGHTS.get(feature.kind, DRAUGHT)
+    if floats or "draught" in traits:
+        top, bottom = OUT_OF_WATER, traits.get("draught", DRAUGHT)
     is_wall = feature.kind == "SLCONS" and top == OUT_OF_WATER and feature.number("CATSLC") not in SLOPES
     if feature.is_area:
         line = np.concatenate([np.empty((0, 2)), *edges])
@@ -96,7 +81,7 @@ def _top(feature: Feature) -> float | None:
         return depth
     if level in TOPS:
         return TOPS[level]
-    return OUT_OF_WATER if feature.kind in STANDS_UP and level is None else None
+    return OUT_OF_WATER if "stands_up" in OBJECTS[feature.kind] and level is None else None
 
 
 def place_hazards(

@@ -73,14 +73,9 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     part = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
     along = ((end - start) / counts[:, None])[edge]
     first = start[edge] + part[:, None] * along
-    coasts = Coasts(
-        first,
-        first + along,
-        *np.zeros((4, len(edge)), bool),
-        np.full(len(edge), np.inf),
-        np.zeros((len(edge), 2)),
-        edge,
-    )
+    quay, mole, single, opposite = np.zeros((4, len(edge)), bool)
+    width, inward = np.full(len(edge), np.inf), np.zeros((len(edge), 2))
+    coasts = Coasts(first, first + along, quay, mole, single, opposite, width, inward, edge)
     (index,) = np.nonzero(near[edge])
     if not len(index):
         return coasts
@@ -89,20 +84,19 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     is_left = np.zeros(len(start), bool)
     sides = across[np.cumsum(counts) - counts][judged]
     is_left[judged] = contains(land, 0.5 * (start + end)[judged] + BESIDE * sides)
-    coasts.inward[:] = np.where(is_left[edge][:, None], across, -across)
-    tree, inward = shapely.STRtree(lines), coasts.inward[index]
+    inward[:] = np.where(is_left[edge][:, None], across, -across)
+    tree = shapely.STRtree(lines)
     feet = first[index] + np.array(FEET)[:, None, None] * along[index]
-    widths, far_sides = _cross(tree, feet, inward, WIDE * cell)
+    widths, far_sides = _cross(tree, feet, inward[index], WIDE * cell)
     on_wall = shapely.covers(strip, shapely.linestrings(np.stack([first[index], (first + along)[index]], axis=1)))
     is_far_wall = shapely.covers(strip, shapely.points(far_sides)) | ~np.isfinite(widths)
-    coasts.width[index] = widths.min(axis=0)
-    has_walls, is_narrow = is_far_wall.all(axis=0), coasts.width[index] < NARROW * cell
-    coasts.quay[index] = on_wall & has_walls & ~is_narrow
-    coasts.mole[index] = on_wall & has_walls & is_narrow
-    coasts.single[index] = on_wall & ~has_walls
-    walls = shapely.multilinestrings(shapely.linestrings(np.stack([first, first + along], axis=1)[coasts.single]))
+    width[index] = widths.min(axis=0)
+    has_walls, is_narrow = is_far_wall.all(axis=0), width[index] < NARROW * cell
+    quay[index], mole[index] = on_wall & has_walls & ~is_narrow, on_wall & has_walls & is_narrow
+    single[index] = on_wall & ~has_walls
+    walls = shapely.multilinestrings(shapely.linestrings(np.stack([first, first + along], axis=1)[single]))
     is_opposite = shapely.dwithin(shapely.points(far_sides), walls, ON_WALL) & np.isfinite(widths)
-    coasts.opposite[index] = ~on_wall & is_opposite.any(axis=0)
+    opposite[index] = ~on_wall & is_opposite.any(axis=0)
     return coasts
 
 

@@ -7,16 +7,11 @@ from collections import Counter
 from typing import Any
 
 from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.tables import read_table
 from hil.common.text import clean
 
-# Object classes with depths, coasts, obstacles, pipelines or regulated areas, and their attributes (S-57 appendix A)
-OBJECTS = (
-    "BRIDGE", "CAUSWY", "COALNE", "DAMCON", "DEPARE", "DEPCNT", "DRGARE", "FLODOC", "HULKES", "LNDARE", "MORFAC",
-    "OBSTRN", "PILPNT", "PONTON", "PYLONS", "SLCONS", "SOUNDG", "UWTROC", "UNSARE", "WRECKS", "M_COVR",
-    "CBLSUB", "PIPSOL", "SBDARE", "ACHARE", "CBLARE", "DMPGRD", "MARCUL", "MIPARE", "PIPARE", "RESARE",
-    "BCNCAR", "BCNISD", "BCNLAT", "BCNSAW", "BCNSPP", "BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP",
-    "DYKCON", "FSHFAC", "GATCON", "LITFLT", "LITVES", "LOGPON", "OFSPLF", "OILBAR", "LNDMRK", "BUISGL",
-)  # fmt: skip
+OBJECTS: dict[str, dict[str, Any]]  # the object classes that are read, and what they are in a world
+OBJECTS, RULES = read_table(os.path.join(os.path.dirname(__file__), "objects.toml")).values()
 NAME = "OBJNAM"
 SHOWN_FROM = "SCAMIN"  # denominator of the smallest scale at which a display shows the object
 LISTS = ("NATSUR", "RESTRN")  # attributes that are lists of numbers
