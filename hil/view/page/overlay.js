@@ -5,7 +5,7 @@ import {number} from "./format.js";
 
 const INK = "#e9f7fb", SHADE = "rgba(3,20,30,.55)", FONT = "12px system-ui, sans-serif";
 
-export function putOverlay(parts, width, height, lift, scene, {waypoints, target, live}) {
+export function putOverlay(parts, width, height, {lift, right}, scene, {waypoints, target, live}) {
   if (!scene.camera.view) return;
   const spot = ned => {
     const at = scene.camera.project(toScene(ned, scene.origin));
@@ -21,7 +21,7 @@ export function putOverlay(parts, width, height, lift, scene, {waypoints, target
   if (scene.camera.mode === "eye") return;
   const metre = scene.camera.pixelScale * height / scene.camera.range, step = niceStep(130 / metre, 1);
   const size = [step, step / 2, step / 5].find(each => each * metre <= 150) || step / 10, text = size >= 1000 ? `${size / 1000} km` : `${Number(size.toPrecision(2))} m`;
-  parts.put("scale", [width - 24, height - 20 - lift], [-154, -22, 2, 2], drawScale, Math.round(size * metre), text);
+  parts.put("scale", [width - 24 - right, height - 20 - lift], [-154, -22, 2, 2], drawScale, Math.round(size * metre), text);
   const world = scene.world?.world, tall = Math.min(200, height * 0.35);
   if (world && scene.show.depths && width > 640 && world.deepest - world.least >= 0.05)
     parts.put("depths", [18, height - tall - 24 - lift], [-8, -26, 98, tall + 12], drawDepths, world.least, world.deepest, world.contour, tall);
@@ -55,7 +55,7 @@ function drawTag(pen, text, colour) {
 function drawDiamond(pen, text, colour) {
   pen.font = FONT;
   pen.strokeStyle = pen.fillStyle = colour;
-  pen.lineWidth = 2;
+  pen.lineWidth = 2; pen.shadowColor = "#03141e"; pen.shadowBlur = 3;
   pen.beginPath(); pen.moveTo(0, -8); pen.lineTo(8, 0); pen.lineTo(0, 8); pen.lineTo(-8, 0); pen.closePath(); pen.stroke();
   pen.fillText(text, 12, 4);
 }
