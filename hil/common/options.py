@@ -140,14 +140,13 @@ def add_file(parser: argparse.ArgumentParser, *names: str, help: str, **settings
     parser.add_argument(*names, type=OUTPUT_FILE, help=f"{help}; its folder must be there", **settings)
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add --json, which prints one JSON value in place of text."""
-    parser.add_argument("--json", action="store_true", help="print JSON, for other programs")
+def _adder(name: str, about: str, **settings: Any) -> Callable[..., None]:
+    """Return a function that adds one option to a parser, with `about` or another help."""
 
+    def add(parser: argparse._ActionsContainer, about: str = about) -> None:
+        parser.add_argument(name, help=about, **settings)
 
-def add_strict(parser: argparse.ArgumentParser) -> None:
-    """Add --strict, which makes findings errors."""
-    parser.add_argument("--strict", action="store_true", help="exit with 1 for a problem and for a warning")
+    return add
 
 
 def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
@@ -155,37 +154,10 @@ def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
     add_file(parser, "--plot", metavar="FILE.png", help=about)
 
 
-def add_listen(parser: argparse.ArgumentParser, of: str = "") -> None:
-    """Add --listen, the endpoint of a slave; `of` names the actions that use it."""
-    about = f"{of}endpoint that masters connect to, tcp/ADDRESS:PORT [the scenario's]"
-    parser.add_argument("--listen", metavar="ENDPOINT", type=ENDPOINT, help=about)
-
-
 def add_serving(parser: argparse.ArgumentParser, default: str) -> None:
     """Add --listen, the address of a server other than a slave, parsed by `serving_address`."""
     about = "address to listen on [%(default)s]"
     parser.add_argument("--listen", metavar="[HOST:]PORT", type=serving_address, default=default, help=about)
-
-
-def add_view(parser: argparse.ArgumentParser, about: str = "show it in a browser while it flies") -> None:
-    """Add --view, which shows the run in the live view."""
-    parser.add_argument("--view", action="store_true", help=about)
-
-
-def add_board(parser: argparse.ArgumentParser, of: str = "") -> None:
-    """Add --board, the single-board computer; `of` names the actions that use it."""
-    parser.add_argument("--board", metavar="NAME", help=f"{of}the single-board computer this is [recognised]")
-
-
-def add_member(parser: argparse.ArgumentParser, of: str = "") -> None:
-    """Add --member, one vehicle of a fleet; `of` names the actions that use it."""
-    parser.add_argument("--member", metavar="NAME", default="", help=f"{of}vehicle of the fleet, by name or number")
-
-
-def add_changes(parser: argparse.ArgumentParser) -> None:
-    """Add --set, which changes keys of the scenario; `changes_of` returns them."""
-    change = 'change a key of the scenario, such as "master.speed=0.5"; may be given several times'
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=change)
 
 
 def changes_of(options: Any) -> dict[str, Any]:
@@ -327,6 +299,19 @@ def checked(convert: Callable[[str], Any]) -> Callable[[str], Any]:
 
 OUTPUT_FILE = checked(output_file)
 ENDPOINT = checked(full_endpoint)  # tcp/HOST:PORT, HOST:PORT or HOST; returns tcp/HOST:PORT
+
+add_json = _adder("--json", "print JSON, for other programs", action="store_true")
+add_strict = _adder("--strict", "exit with 1 for a problem and for a warning", action="store_true")
+add_view = _adder("--view", "show it in a browser while it flies", action="store_true")
+add_board = _adder("--board", "the single-board computer this is [recognised]", metavar="NAME")
+add_member = _adder("--member", "vehicle of the fleet, by name or number", metavar="NAME", default="")
+add_listen = _adder(
+    "--listen", "endpoint that masters connect to, tcp/ADDRESS:PORT [the scenario's]", metavar="ENDPOINT", type=ENDPOINT
+)
+add_changes = _adder(  # which `changes_of` returns
+    "--set", 'change a key of the scenario, such as "master.speed=0.5"; may be given several times',
+    action="append", default=[], metavar="KEY=VALUE",
+)  # fmt: skip
 
 
 def endpoint_or_lan(text: str) -> str:

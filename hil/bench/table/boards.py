@@ -4,10 +4,9 @@ from boards import Budgets, load_board
 from hil.bench.harness import SLAVE_PREFIX, labels_of
 from hil.bench.record import Figure, Record
 from hil.bench.report import Column, Row
-from hil.bench.table.hil_table import PAPER_BOARDS, ROWS, paper
+from hil.bench.table.hil_table import DRAWN, PAPER_BOARDS, ROWS, paper
 from hil.ros.diagnostics import Diagnostics
 
-DRAWN = ("master_cpu", "startup", "memory_share", "delay_p50")  # the figures that the paper has too
 HERE = "this machine"
 
 

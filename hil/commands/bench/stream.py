@@ -7,7 +7,7 @@ from typing import Any
 from hil.bench.harness import ONE_VEHICLE, Bench, labels_of
 from hil.bench.record import Figure
 from hil.bench.report import Column, text
-from hil.bench.stream_run import ROWS, Listener, Listening, missing
+from hil.bench.stream_run import ROWS, Listener, Listening
 from hil.commands.bench.options import (
     add_connect,
     add_repeat,
@@ -66,9 +66,6 @@ def main(arguments: list[str]) -> int:
     print(text(columns, ROWS, column_by_line=True))
     if options.repeat > 1:
         print(f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s")
-    silent_topics = [column.title for column in columns[:-1] if _is_silent(column, options.seconds)]
-    if silent_topics:
-        print(f"nothing was received on {', '.join(silent_topics)}, though a slave of this scenario should send it")
     warnings = list(dict.fromkeys(warning for received in runs for warning in received.warnings))
     for warning in warnings:
         print(f"WARNING: {warning}")
@@ -109,9 +106,3 @@ def _columns(runs: list[Listening]) -> list[Column]:
         if row.name in SUMMED
     }
     return [*columns, Column("all", sums)]
-
-
-def _is_silent(column: Column, seconds: float) -> bool:
-    """Return whether nothing was received in all runs of `seconds`, though more than one message was due."""
-    rates, nominal = column.figures["rate"].values, column.figures["nominal"].median
-    return not any(rates) and missing(0, nominal, len(rates) * seconds) > 0.0

@@ -11,7 +11,7 @@ from hil.bench.record import Figure, Record, load
 from hil.bench.report import Column, draw, remarks, text
 from hil.bench.table import boards as board_table
 from hil.bench.table.boards import HERE
-from hil.bench.table.hil_table import PAPER_NOTE, ROWS, paper
+from hil.bench.table.hil_table import DRAWN, PAPER_NOTE, ROWS, paper
 from hil.bench.table.run import Run, figures, fly
 from hil.commands.bench.options import (
     add_connect,
@@ -78,7 +78,7 @@ def main(arguments: list[str]) -> int:
     for line in (*remarks(earlier), *_description(record)):
         print(fit_to_terminal(line))
     if options.plot:
-        draw(columns, [row for row in ROWS if row.name in board_table.DRAWN], options.plot)
+        draw(columns, [row for row in ROWS if row.name in DRAWN], options.plot)
     broken = _check(own_columns, record, board) if options.check else 0
     failures.raise_first()
     return broken

@@ -23,7 +23,7 @@ against power saving of the wlan. It shows every change and asks first; uninstal
 services that it does not name.
 
 examples:
-  uuv-hil board                                          identify this machine
+  uuv-hil board show                                     identify this machine
   uuv-hil board list                                     list all known boards
   uuv-hil board install mine.toml --user uuv --dry-run   only show the changes
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
@@ -31,30 +31,21 @@ examples:
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service "view --listen 0.0.0.0:7480"
   sudo .venv/bin/uuv-hil board uninstall --service view  without --service, all
 """
-# What each action accepts.
-OPTIONS = {
-    "show": ("board", "root", "json"),
-    "list": (),
-    "install": ("scenario", "set", "board", "root", "user", "listen", "member", "service", "dry_run", "yes"),
-    "uninstall": ("root", "service", "dry_run", "yes"),
-}
 
 
 def main(arguments: list[str]) -> int:
     """Show the board, list all, install or uninstall the service; return the exit code. Raises HilError."""
-    parser = _parser()
-    options = parser.parse_intermixed_args(arguments)  # parse_args wants both words on the same side of the options
-    for name, value in vars(options).items():
-        if name not in ("action", *OPTIONS[options.action]) and value != parser.get_default(name):
-            raise ConfigError(f"{options.action}: {_misplaced(name, value)}")
+    if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
+        arguments = ["show", *arguments]
+    options = _parser().parse_args(arguments)
+    if options.action == "list":
+        print(listing())
+        return 0
     tree = Tree(options.root)
     if not os.path.isdir(options.root):
         raise ConfigError(f"--root: {options.root}: no such folder")
     if options.action in service.ACTIONS:
         return service.ACTIONS[options.action](tree, options)
-    if options.action == "list":
-        print(listing())
-        return 0
     board = load_board(options.board) if options.board else recognise(tree)
     if options.json:
         print(json.dumps(to_json(tree, board)))
@@ -65,29 +56,27 @@ def main(arguments: list[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = new_parser("board", __doc__, EXAMPLES)
-    parser.add_argument("action", nargs="?", choices=tuple(OPTIONS), default="show", help="[show]")
-    add_scenario(parser, None, optional=True)
-    add_board(parser, "show, install: ")
-    parser.add_argument(
-        "--root", metavar="PATH", default="/", help="folder that holds the machine's /proc, /sys, /etc [/]"
-    )
-    add_json(parser)
-    parser.add_argument("--user", metavar="NAME", help="install: user that runs the slave [the one who called sudo]")
-    add_listen(parser, "install: ")
-    add_member(parser, "install: ")
-    parser.add_argument(
-        "--service", metavar="NAME", action="append", default=[],
-        help="install, uninstall: a service beside the slave; may be given several times",
-    )  # fmt: skip
-    parser.add_argument("--dry-run", action="store_true", help="install, uninstall: only show what would change")
-    parser.add_argument("--yes", action="store_true", help="install, uninstall: do not ask")
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    show = actions.add_parser("show", help="identify this machine; the action without a word")
+    add_board(show)
+    add_json(show)
+    actions.add_parser("list", help="list all known boards")
+    install = actions.add_parser("install", help="make the slave, and what runs beside it, services")
+    add_scenario(install, None)
+    add_board(install)
+    add_listen(install)
+    add_member(install)
+    install.add_argument("--user", metavar="NAME", help="user that runs the slave [the one who called sudo]")
+    uninstall = actions.add_parser("uninstall", help="remove the services")
+    for action in (install, uninstall):
+        about = "a service beside the slave; may be given several times"
+        action.add_argument("--service", metavar="NAME", action="append", default=[], help=about)
+        action.add_argument("--dry-run", action="store_true", help="only show what would change")
+        action.add_argument("--yes", action="store_true", help="do not ask")
+    for action in (show, install, uninstall):
+        about = "folder that holds the machine's /proc, /sys, /etc [/]"
+        action.add_argument("--root", metavar="PATH", default="/", help=about)
     return parser
-
-
-def _misplaced(name: str, value: str) -> str:
-    """Return the message about an option, or a scenario, that the action does not accept."""
-    given = f"the scenario {value}" if name == "scenario" else f"--{name.replace('_', '-')}"
-    return f"{given} goes only with {', '.join(action for action, names in OPTIONS.items() if name in names)}"
 
 
 def listing() -> str:

@@ -35,8 +35,6 @@ STATE_FOLDERS = ("/var/lib/uuv-hil", "/var/cache/uuv-hil")  # the unit's StateDi
 
 def install(tree: Tree, options: argparse.Namespace) -> int:
     """Make the slave and others services; return the exit code. Raises HilError, and then nothing was changed."""
-    if not options.scenario:
-        raise ConfigError("install: which scenario is the service to run? Give its file or name")
     user = options.user or os.environ.get("SUDO_USER") or getpass.getuser()
     check_user(tree, user)
     board = load_board(options.board) if options.board else recognise(tree)
