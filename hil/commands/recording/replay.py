@@ -60,18 +60,13 @@ def main(arguments: list[str]) -> int:
     if options.check:
         return _check(options.recording, options.own_classes)
     if options.foxglove:
-        return _write_for_foxglove(options.recording, options.foxglove, options.own_classes)
+        copied = write_for_foxglove(options.recording, options.foxglove, options.own_classes)
+        print(f"{options.foxglove}: {copied} messages of {options.recording}, and the scene")
+        return 0
     with StopSignals() as stop_fd:
         if options.view:
             return _show(options.recording, options.own_classes, stop_fd)
         return _play(options, stop_fd)
-
-
-def _write_for_foxglove(path: str, target: str, own_classes: bool) -> int:
-    written = write_for_foxglove(path, target, own_classes)
-    added = ", ".join([f"{count} of {topic}" for topic, count in sorted(written.added.items())])
-    print(f"{target}: {written.copied} messages of {path}, and {added}")
-    return 0
 
 
 def _check(path: str, own_classes: bool) -> int:

@@ -15,8 +15,6 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from hil.gateways.foxglove.layout import layout
-from hil.recording.mcap_writer import RecordingFile
-from hil.recording.reader import read_about, read_messages
 from hil.scenario.config import load_scenario
 from tests.support.processes import Program, free_port, run_here, write_scenario
 
@@ -99,17 +97,6 @@ def test_each_panel_has_data_of_a_recording(opened_layout: tuple[Path, Path]) ->
     assert "choose another file" in output
 
 
-def test_sonar_fans_are_added_to_a_recording_without_them(opened_layout: tuple[Path, Path]) -> None:
-    scenario, folder = opened_layout
-    bag, target = folder / "bag2", folder / "fans.mcap"
-    assert run_here("recording", "make", "--scenario", str(scenario), "-o", str(bag), "--seconds", "5")[0] == 0
-    (path,) = bag.glob("*.mcap")
-    before = without_fans(path)
-    assert before
-    assert run_here("recording", "replay", str(bag), "--foxglove", str(target))[0] == 0
-    assert len(read(target)["/uuv1/forward_sonar/fan/image_raw"]) == before
-
-
 def read(path: Path) -> dict[str, list[Any]]:
     """Return all messages by topic, decoded by the schemas in the file."""
     messages: dict[str, list[Any]] = {}
@@ -132,15 +119,3 @@ def protobuf_class(name: str, definition: bytes) -> Any:
     for file in files.file:
         pool.Add(file)
     return GetMessageClass(pool.FindMessageTypeByName(name))
-
-
-def without_fans(path: Path) -> int:
-    """Rewrite a recording without the fans of its sonar, as older ones are. Return the number of sonar pictures."""
-    about, messages = read_about(str(path)), list(read_messages(str(path)))
-    path.unlink()
-    file = RecordingFile(str(path), about.facts, about.attachments, "none")
-    for message in messages:
-        if not message.topic.endswith("/fan/image_raw"):
-            file.write(message)
-    file.close()
-    return sum(message.topic == "/uuv1/forward_sonar/image" for message in messages)
