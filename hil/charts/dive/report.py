@@ -11,7 +11,7 @@ import numpy as np
 from hil.charts.describe import Facts
 from hil.charts.dive.watch import Observation
 from hil.charts.grid import grid_of, write_file
-from hil.charts.picture import add_depth_bar, draw_obstacles, hillshade
+from hil.charts.picture import draw_bed
 from hil.common.errors import MissionError
 from hil.common.palette import LAND, PATH, TRACK
 from hil.plots.plotting import add_legend, finish_map, pyplot, save_figure
@@ -99,9 +99,8 @@ def _map(
     track = np.array([observation.truth.position[:2] for observation in observations])
     figure, axes = plt.subplots(figsize=(12, 8), layout="constrained")
     low, high = track.min(axis=0) - MAP_MARGIN, track.max(axis=0) + MAP_MARGIN
-    image, lines = _draw_seabed(axes, world, low, high)
+    draw_bed(figure, axes, grid_of(world), world)
     axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), title=scenario.description, facecolor=LAND)
-    axes.clabel(lines, fontsize=7, fmt="%.3g m")
     axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="track (true)")
     draw_start(axes, scenario)
     draw_goal(axes, scenario)
@@ -110,35 +109,8 @@ def _map(
     axes.plot([], [], "o", color=MARK, markeredgecolor="black", markersize=9, label="place of a camera picture")
     axes.plot([], [], "s", color=LAND, label="land")
     axes.grid(visible=False)
-    add_depth_bar(figure, axes, image)
     finish_map(axes)
     return figure
-
-
-def _draw_seabed(axes: Any, world: World, low: Any, high: Any) -> tuple[Any, Any]:
-    """Draw the seabed from `low` to `high` (m north, m east) with shading, contours and obstacles.
-
-    Return image and contours.
-    """
-    grid = grid_of(world)
-    south, north, west, east = grid.extent
-    shown = grid.depths[_near(grid.north, low[0], high[0]), :][:, _near(grid.east, low[1], high[1])]
-    image = axes.imshow(
-        np.ma.masked_less_equal(grid.depths, 0.0), origin="lower", extent=(west, east, south, north), cmap="GnBu",
-        vmin=0.0, vmax=float(np.nanmax(shown)),
-    )  # fmt: skip
-    axes.imshow(
-        hillshade(grid.depths, grid.resolution), origin="lower", extent=(west, east, south, north), cmap="gray",
-        alpha=0.35, interpolation="bilinear", vmin=0.0, vmax=1.0,
-    )  # fmt: skip
-    lines = axes.contour(grid.east, grid.north, grid.depths, 14, colors="#1f2937", linewidths=0.5, alpha=0.7)
-    draw_obstacles(axes, world.cylinder, world.box)
-    return image, lines
-
-
-def _near(coordinates: Any, low: float, high: float) -> slice:
-    first, last = np.searchsorted(coordinates, (low, high))
-    return slice(max(0, int(first) - 1), int(last) + 1)
 
 
 def _number(axes: Any, x: float, y: float, number: int) -> None:
