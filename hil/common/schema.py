@@ -20,6 +20,7 @@ import os
 import sys
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from hil.common.errors import ConfigError
@@ -163,22 +164,27 @@ def read_each(values: Iterable[tuple[Any, str]], read: Reader) -> list[Any]:
     return results
 
 
-def reader_of(place: str, *, many: bool = False) -> Reader:
+def reader_of(place: str, *, many: bool = False) -> "partial[Any]":
     """Return the reader of the record or function at `place`, "module:Name", imported when it is called.
 
     `many`: of an array of tables of that record.
     """
+    return partial(_read, place, many)
 
-    def read(value: Any, where: str) -> Any:
-        from importlib import import_module
 
-        module, _, name = place.partition(":")
-        target = getattr(import_module(module), name)
-        if not isinstance(target, type):
-            return target(value, where)
-        return parse_rows(value, target, where) if many else convert(value, target, where)
+def _read(place: str, many: bool, value: Any, where: str) -> Any:
+    target = at_place(place)
+    if not isinstance(target, type):
+        return target(value, where)
+    return parse_rows(value, target, where) if many else convert(value, target, where)
 
-    return read
+
+def at_place(place: str) -> Any:
+    """Import the record or function at `place`, "module:Name"."""
+    from importlib import import_module
+
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
 
 
 # data folder -> what its presets are called in messages

@@ -43,21 +43,19 @@ if TYPE_CHECKING:
 
 SCENARIOS = "hil/scenario/presets"
 FOLDERS = {"vehicle": "sim/vehicles", "world": "sim/worlds", "link.frame": "firmware_stub/frames"}
-# Sections that most runs do not have -> what reads them: a record or a function.
-LAZY = {
-    "autopilot": "hil.scenario.autopilot_records:AutopilotSettings",
-    "failure": "sim.vehicle.failures:Failure",
-    "force": "hil.scenario.config:read_forces",
-    "release": "sim.vehicle.ballast:Release",
-    "tether": "sim.tether:TetherKeys",
-    "member": "hil.scenario.fleet_records:read_members",
-    "hunting": "hil.scenario.fleet_records:Hunting",
-    "modem": "hil.scenario.modem_records:read_modem",
-    "mavlink": "hil.scenario.mavlink_records:Mavlink",
-    "security": "hil.network.security:Security",
-    "link.faults": "hil.links.wires.faults:Faults",
+# Sections that most runs do not have -> what reads them.
+READERS = {
+    "autopilot": reader_of("hil.scenario.autopilot_records:AutopilotSettings"),
+    "failure": reader_of("sim.vehicle.failures:Failure", many=True),
+    "force": reader_of("hil.scenario.config:read_forces"),
+    "release": reader_of("sim.vehicle.ballast:Release", many=True),
+    "tether": reader_of("sim.tether:TetherKeys"),
+    "member": reader_of("hil.scenario.fleet_records:read_members"),
+    "hunting": reader_of("hil.scenario.fleet_records:Hunting"),
+    "modem": reader_of("hil.scenario.modem_records:read_modem"),
+    "mavlink": reader_of("hil.scenario.mavlink_records:Mavlink"),
+    "security": reader_of("hil.network.security:Security"),
 }
-MANY = ("failure", "force", "release", "member")  # sections that are arrays of tables, [[table]]
 AUTOPILOTS = ("ardupilot", "px4")  # controllers that are external programs or boards
 HIDDEN = ("path", "derived", "changes")  # fields of a Scenario that are no keys of its file
 DERIVED = ("speed", "lookahead", "tolerance", "margin")  # keys of [master] whose defaults a vehicle with fins derives
@@ -228,14 +226,14 @@ def _with_vehicle(member: "Member", path: str) -> "Member":
 
 def _readers(path: str) -> dict[str, Reader]:
     """Return the readers of the keys whose schema is elsewhere, for the scenario file at `path`."""
-    lazy = {key: reader_of(place, many=key in MANY) for key, place in LAZY.items()}
-    link = {"frame": _file_reader("link.frame", path), "options": check_table, "faults": lazy.pop("link.faults")}
+    faults = reader_of("hil.links.wires.faults:Faults")
+    link: dict[str, Reader] = {"frame": _file_reader("link.frame", path), "options": check_table, "faults": faults}
 
     def refuse(_value: Any, where: str) -> Any:
         raise ConfigError(f"{path}: no key {where.rpartition(' ')[2]!r}")
 
     return {
-        **lazy,
+        **READERS,
         "vehicle": _file_reader("vehicle", path),
         "world": _file_reader("world", path),
         "link": lambda table, where: convert(table, Link, where, link),

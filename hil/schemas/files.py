@@ -1,13 +1,13 @@
 """The JSON Schema of each kind of file: scenario, fleet, vehicle, world, board, frame."""
 
-from collections.abc import Callable, Iterator
-from importlib import import_module
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import boards
 from hil.autonomy.control import controller, fin_control
 from hil.common.errors import ConfigError
-from hil.common.schema import nearest, preset_names, shortened
+from hil.common.schema import at_place, nearest, preset_names, shortened
 from hil.links.frame.layout import FrameLayout
 from hil.links.wires.faults import Faults
 from hil.master.avoid import AvoidSettings
@@ -15,14 +15,12 @@ from hil.scenario import config, fleet_records, modem_records, records
 from hil.scenario.instrument_records import InstrumentKeys
 from hil.schemas.convert import Converter, Schema, chosen, required, table, tables
 from sim.environment import mesh, relief, terrain, world
-from sim.environment.ocean import Ocean
-from sim.environment.things import bottom_map, pipelines, shapes, zones
-from sim.environment.wind import Wind
+from sim.environment.things import bottom_map, shapes
 from sim.modems.acoustic import AcousticModem
 from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import DEVICES, ONLY_ONE, load_sensor
-from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, hull_form, meshes, vehicle
+from sim.vehicle import vehicle
 from sim.vehicle.fins import Fin
 from sim.vehicle.thrusters import curves as thruster_curves
 from sim.vehicle.thrusters.model import Thruster
@@ -76,7 +74,7 @@ def _scenario_keys(converter: Converter) -> dict[str, Schema]:
     user_class = table({"class": OWN_CLASS}, ["class"], other_keys=True)
     faults = {"options": OPEN, "faults": converter.reference(Faults)}
     avoid = converter.keys(AvoidSettings, {"search": {"type": "string"}})
-    return converter.keys(config.Scenario, _sections(converter) | {
+    return converter.keys(config.Scenario, _read_later(converter, config.READERS) | {
         **dict.fromkeys(config.HIDDEN),
         "link": table(converter.keys(records.Link, faults)),
         "planner": table({"class": OWN_CLASS, **avoid}, ["class"], other_keys=True),
@@ -87,15 +85,13 @@ def _scenario_keys(converter: Converter) -> dict[str, Schema]:
     })  # fmt: skip
 
 
-def _sections(converter: Converter) -> dict[str, Schema | None]:
-    """Return the schemas of the sections whose records are imported only if a scenario has them."""
+def _read_later(converter: Converter, readers: Mapping[str, Any]) -> dict[str, Schema | None]:
+    """Return the schemas of the sections whose records `readers` import only if a file has them."""
     sections: dict[str, Schema | None] = {}
-    for name, place in config.LAZY.items():
-        module, _, attribute = place.partition(":")
-        record = getattr(import_module(module), attribute)
-        if hasattr(record, "_fields") and "." not in name:
+    for name, reader in readers.items():
+        if isinstance(reader, partial) and hasattr(record := at_place(reader.args[0]), "_fields"):
             row = converter.reference(record)
-            sections[name] = tables(row) if name in config.MANY else row
+            sections[name] = tables(row) if reader.args[1] else row
     return sections
 
 
@@ -119,21 +115,8 @@ def _vehicle(converter: Converter) -> Schema:
     models = {"curve": chosen(curves)}
     # Keys may be given once for all thrusters, so none is required in the table of a thruster.
     thruster, fin = table(converter.keys(Thruster, models)), table(converter.keys(Fin))
-    given: dict[str, Schema | None] = {
-        "fins": tables(fin),
-        "thrusters": tables(thruster),
-        "accessories": converter.reference(accessories.AccessoryKeys),
-        "battery": converter.reference(battery.Battery),
-        "meshes": tables(converter.reference(meshes.Mesh)),
-        "collision": converter.reference(collision_shape.Collision),
-        "hull": converter.reference(hull_form.HullForm),
-        "windage": converter.reference(hull_form.Windage),
-        "lift": converter.reference(body_lift.Lift),
-        "cross_flow": converter.reference(body_lift.CrossFlow),
-        "fading_damping": converter.reference(body_lift.FadingDamping),
-        "buoyancy_engine": converter.reference(ballast.BuoyancyEngine),
-        "drop_weights": tables(converter.reference(ballast.DropWeight)),
-    }
+    equipment = {key: reader for key, reader in vehicle.READERS.items() if key != "fins"}
+    given = _read_later(converter, equipment) | {"fins": tables(fin), "thrusters": tables(thruster)}
     keys = converter.keys(vehicle.Vehicle, given)
     common = {"every_thruster": thruster, "every_fin": fin, "control": _control(converter)}
     return table(keys | common, required(vehicle.Vehicle))
@@ -152,13 +135,10 @@ def _control(converter: Converter) -> Schema:
 def _world(converter: Converter) -> Schema:
     by_rule = chosen({kind: _record(converter, record) for kind, record in relief.KINDS.items()})
     ground = {"anyOf": [converter.reference(terrain.StoredKeys), *by_rule["anyOf"]]}
-    keys = converter.keys(world.World, {
-        "ocean": converter.reference(Ocean), "wind": converter.reference(Wind), "terrain": ground,
-        "mesh": tables(converter.reference(mesh.MeshKeys)),
-        "visual": tables(converter.reference(mesh.MeshKeys)),
-        "pipeline": tables(converter.reference(pipelines.Pipeline)), "zone": tables(converter.reference(zones.Zone)),
-        "bottom_map": converter.reference(bottom_map.BottomMapKeys),
-    })  # fmt: skip
+    meshes = tables(converter.reference(mesh.MeshKeys))
+    functions = {"mesh": meshes, "visual": meshes, "bottom_map": converter.reference(bottom_map.BottomMapKeys)}
+    given = _read_later(converter, world.READERS) | functions | {"terrain": ground}
+    keys = converter.keys(world.World, given)
     common = converter.keys(shapes.ShapeKeys, {"kind": None})
     each = {
         kind: table(common | converter.keys(record), [key for key in required(shapes.ShapeKeys) if key != "kind"])
