@@ -55,7 +55,7 @@ function showCompass({heading, target}) {
 // Thrusters seen from above, at their places: bars along their direction; those that push up or down as discs.
 export function showThrusters(file, thrusts, pwm, failures) {
   const box = at("thrusters"), list = file?.thrusters || [];
-  if (!isNew("thrusters", [file?.dimensions, thrusts.map(each => number(each, 1)), pwm, failures])) return;
+  if (!isNew("thrusters", [list, file?.dimensions, thrusts.map(each => number(each, 1)), pwm, failures])) return;
   box.closest("section").hidden = !list.length && !pwm.length;
   if (!list.length) { box.replaceChildren(svg("text", {x: 0, y: 14, "font-size": 11, fill: "currentColor"}, `pulses ${pwm.join(", ")} us`)); return; }
   const [length, width] = file.dimensions, reach = Math.max(...list.map(({position}) => Math.abs(position[0])), length / 2), wide = Math.max(...list.map(({position}) => Math.abs(position[1])), width / 2);

@@ -65,7 +65,7 @@ def test_a_flight_with_an_autopilot_is_recorded(tmp_path: Path) -> None:
         reported(client, lambda figures: figures.pwm_us == FORWARD_PWM_US)
         wait_for(lambda: client.latest.get("odom") and client.latest["odom"].value.nu[0] > 0.1)
     source = RecordedSource(str(next(tmp_path.rglob("*.mcap"))))
-    source.playback.seek(source.playback.duration)
+    source.playback.change(source.playback.duration)
     assert source.names == ["uuv1"]
     assert source.latest("uuv1")["odom"].nu[0] > 0.1, "it goes ahead"
     assert (source.diagnostics("uuv1").autopilot_outputs or ())[:6] == FORWARD_PWM_US
