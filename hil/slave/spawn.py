@@ -17,11 +17,42 @@ _SETSID = 0x80  # POSIX_SPAWN_SETSID
 _ROOM = 1024  # bytes; the structures of glibc and musl need up to 336
 
 
-def spawn(arguments: Sequence[str], environment: Mapping[str, str], ends: Sequence[int]) -> int:
-    """Start a program in a new session, with the descriptors `ends` as its 0, 1, 2, ...; return its pid.
+def spawn(module: str, *arguments: str, ends: Sequence[int], **variables: str) -> int:
+    """Start a module of ours in a new session, with the descriptors `ends` as its 0, 1 and 2; return its pid.
+
+    It also ends when this process ends, for whatever reason. `variables` are added to its environment. Raises OSError.
+    """
+    from hil.common import lifeline
+    from hil.common.children import module_command, open_lifeline  # most slaves start no program
+
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), **variables}
+    end = open_lifeline()
+    try:
+        environment[lifeline.VARIABLE] = lifeline.describe_end(len(ends), end)
+        return _spawn(module_command(module, *arguments), environment, (*ends, end))
+    finally:
+        os.close(end)
+
+
+def spawn_piped(module: str, *arguments: str, **variables: str) -> tuple[int, int, int, int]:
+    """Start a module of ours with pipes; return its pid, and our ends of its standard input, output and error.
 
     Raises OSError.
     """
+    (its_input, to_it), (output, its_output), (errors, its_errors) = (os.pipe2(os.O_CLOEXEC) for _ in range(3))
+    its_ends = its_input, its_output, its_errors
+    try:
+        return spawn(module, *arguments, ends=its_ends, **variables), to_it, output, errors
+    except OSError:
+        for end in (to_it, output, errors):
+            os.close(end)
+        raise
+    finally:
+        for end in its_ends:
+            os.close(end)
+
+
+def _spawn(arguments: Sequence[str], environment: Mapping[str, str], ends: Sequence[int]) -> int:
     libc = ctypes.CDLL(None)
     actions, attributes = ctypes.create_string_buffer(_ROOM), ctypes.create_string_buffer(_ROOM)
     libc.posix_spawn_file_actions_init(actions)
@@ -47,19 +78,13 @@ def _texts(texts: Sequence[str]) -> "ctypes.Array[ctypes.c_char_p]":
 def start_program(*arguments: str) -> Callable[[], None]:
     """Start `uuv-hil ARGUMENTS` as a child process with the slave's output; return a function that ends it.
 
-    The child also ends when this process ends, for whatever reason. If it ignores SIGTERM it is killed. Raises OSError.
+    If it ignores SIGTERM it is killed. Raises OSError.
     """
-    from hil.common import lifeline
-    from hil.common.children import module_command, open_lifeline  # most slaves start no program
-
-    ends = (os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC), 1, 2, open_lifeline())
+    nothing = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        environment[lifeline.VARIABLE] = lifeline.describe_end(len(ends) - 1, ends[-1])
-        pid = spawn(module_command("hil.cli", *arguments), environment, ends)
+        pid = spawn("hil.cli", *arguments, ends=(nothing, 1, 2))
     finally:
-        os.close(ends[0])
-        os.close(ends[-1])
+        os.close(nothing)
 
     def end() -> None:
         with suppress(ProcessLookupError, ChildProcessError):

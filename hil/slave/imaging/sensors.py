@@ -9,7 +9,6 @@ ends with the slave, whose pipes then close.
 import os
 import pickle
 import signal
-import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,7 +16,6 @@ from io import FileIO
 from struct import Struct
 from typing import TYPE_CHECKING, Any
 
-from hil.common import lifeline
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.ros.diagnostics import Diagnostics
@@ -164,25 +162,14 @@ class Imaging:
 
     def _live(self, begin: bytes) -> tuple[str, int]:
         """Run one process from start to end; return how it ended, as text and as exit code."""
-        from hil.common.children import module_command, open_lifeline  # loaded after the vehicle is ready
-        from hil.slave.spawn import spawn
+        from hil.slave.spawn import spawn_piped  # loaded after the vehicle is ready
 
-        requests, answers, errors = (os.pipe2(os.O_CLOEXEC) for _ in range(3))
-        ends = (requests[0], answers[1], errors[1], open_lifeline())  # its standard input, output, error; its lifeline
-        try:
-            # `spawn` gives it its own process group, so that a Ctrl-C reaches only the slave.
-            environment = {**os.environ, **QUIET, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            environment[lifeline.VARIABLE] = lifeline.describe_end(len(ends) - 1, ends[-1])
-            pid = spawn(module_command("hil.slave.imaging.process"), environment, ends)
+        try:  # in a session of its own, so that a Ctrl-C reaches only the slave
+            pid, requests, answers, errors = spawn_piped("hil.slave.imaging.process", **QUIET)
         except OSError as error:
-            for end in (requests[1], answers[0], errors[0]):
-                os.close(end)
             return f"as it cannot be started: {error.strerror}", 1
-        finally:
-            for end in ends:
-                os.close(end)
-        self._connect(pid, begin, requests[1], answers[0])
-        last = _last_line(errors[0], self._report)
+        self._connect(pid, begin, requests, answers)
+        last = _last_line(errors, self._report)
         self._requests = self._replies = None
         self.pid = 0
         code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])

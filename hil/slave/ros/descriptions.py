@@ -5,7 +5,6 @@ start-up time nor memory for them.
 """
 
 import os
-import sys
 import threading
 from collections.abc import Callable
 
@@ -58,26 +57,12 @@ class Descriptions:
 
 def _run(name: str, setup: bytes) -> tuple[bytes, str]:
     """Return the message and the problem; one of the two is empty. Raises OSError."""
-    from hil.common import lifeline
-    from hil.common.children import module_command, open_lifeline
-    from hil.slave.spawn import spawn
+    from hil.slave.spawn import spawn_piped
 
-    setups, answers, errors = (os.pipe2(os.O_CLOEXEC) for _ in range(3))
-    ends = (setups[0], answers[1], errors[1], open_lifeline())
-    try:
-        environment = {**os.environ, **QUIET, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        environment[lifeline.VARIABLE] = lifeline.describe_end(len(ends) - 1, ends[-1])
-        pid = spawn(module_command("hil.slave.ros.describe", name), environment, ends)
-    except OSError:
-        for end in (setups[1], answers[0], errors[0]):
-            os.close(end)
-        raise
-    finally:
-        for end in ends:
-            os.close(end)
-    with open(setups[1], "wb") as file:
+    pid, to_it, output, errors = spawn_piped("hil.slave.ros.describe", name, **QUIET)
+    with open(to_it, "wb") as file:
         file.write(setup)
-    with open(answers[0], "rb") as file, open(errors[0], errors="replace", encoding="utf-8") as complaints:
+    with open(output, "rb") as file, open(errors, errors="replace", encoding="utf-8") as complaints:
         payload, last = file.read(), complaints.read().strip().rpartition("\n")[2]
     code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     return payload, (last or f"exit code {code}") if code else ""
