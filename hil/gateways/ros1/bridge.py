@@ -13,7 +13,7 @@ from hil.common.errors import ConfigError, HilError, NetworkError
 from hil.common.text import clean
 from hil.common.web.server_thread import ServerThread
 from hil.gateways.commanding import Commanding
-from hil.gateways.ros1.messages import kind_of, service_of
+from hil.gateways.ros1.messages import kind_of
 from hil.gateways.ros1.node import Node
 from hil.gateways.ros1.parameters import ParameterMirror
 from hil.recording.mcap_file import Message
@@ -201,7 +201,7 @@ class Ros1Bridge(ServerThread):
             self._node.subscribe(entity.topic, kind_of(TOPICS[name].type), self._commanding.publish)
         elif entity.kind == "SS" and entity.topic not in self._node.services:
             try:
-                self._node.serve(entity.topic, service_of(entity.type), self._commanding)
+                self._node.serve(entity.topic, kind_of(entity.type), self._commanding)
             except ConfigError:
                 return  # ROS 1 has other means for it, or no type
 

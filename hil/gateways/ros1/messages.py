@@ -29,42 +29,28 @@ class UnreadableError(Exception):
 
 
 class Kind(NamedTuple):
-    """One type: its name in ROS 2 and in ROS 1, and in ROS 1 its md5 sum and its full definition."""
+    """One type: its name in ROS 2 and in ROS 1, and in ROS 1 its md5 sum and, of a message, its full definition."""
 
     type: str
     name: str
     md5sum: str
-    definition: str
-    has_header: bool
+    definition: str = ""
+    has_header: bool = False
 
 
 @cache
 def kind_of(type_name: str) -> Kind:
-    """Return the type of ROS 1 for one of ROS 2 ("sensor_msgs/msg/Imu"). Raises ConfigError for one without."""
+    """Return the type of ROS 1 for one of ROS 2, a message or a service. Raises ConfigError for one without."""
     if type_name.partition("/")[0] in ONLY_ROS2:
         raise ConfigError(f"{type_name} has no counterpart in ROS 1")
+    if "/srv/" in type_name:
+        halves = [_text_for_md5(f"{type_name}_{half}") for half in ("Request", "Response")]
+        digest = md5("".join(halves).encode(), usedforsecurity=False).hexdigest()
+        return Kind(type_name, type_name.replace("/srv/", "/"), digest)
     text, digest = _ros1(type_name).generate_msgdef(type_name, ros_version=1)
     fields = _ros1(type_name).fielddefs[type_name][1]
     has_header = bool(fields) and fields[0][1][1] == HEADER
     return Kind(type_name, type_name.replace("/msg/", "/"), digest, text, has_header)
-
-
-class Service(NamedTuple):
-    """One type of service: its name in ROS 2 and in ROS 1, and its md5 sum there."""
-
-    type: str
-    name: str
-    md5sum: str
-
-
-@cache
-def service_of(type_name: str) -> Service:
-    """Return the type of ROS 1 for a service of ROS 2 ("std_srvs/srv/SetBool"). Raises ConfigError for one without."""
-    if type_name.partition("/")[0] in ONLY_ROS2:
-        raise ConfigError(f"{type_name} has no counterpart in ROS 1")
-    halves = [_text_for_md5(f"{type_name}_{half}") for half in ("Request", "Response")]
-    digest = md5("".join(halves).encode(), usedforsecurity=False).hexdigest()
-    return Service(type_name, type_name.replace("/srv/", "/"), digest)
 
 
 def to_ros1(type_name: str, data: bytes, sequence: int = 0) -> bytes:

@@ -16,7 +16,7 @@ from hil.common.web.late_address import late_socket
 from hil.gateways.commanding import Commanding
 from hil.gateways.ros1 import xmlrpc
 from hil.gateways.ros1.master import Item, Master
-from hil.gateways.ros1.messages import Kind, Service
+from hil.gateways.ros1.messages import Kind
 from hil.gateways.ros1.publication import Publication
 from hil.gateways.ros1.services import serve_calls
 from hil.gateways.ros1.subscription import Caller, Report, Subscription
@@ -36,7 +36,7 @@ class Node:
         self.refused = 0  # connections with no proper header
         self.publications: dict[str, Publication] = {}
         self.subscriptions: dict[str, Subscription] = {}
-        self.services: dict[str, Service] = {}
+        self.services: dict[str, Kind] = {}
         self.on_parameter: Callable[[str, Any], None] = lambda _key, _value: None
         self.on_shutdown: Callable[[str], None] = lambda _reason: None
         self._host = host
@@ -95,7 +95,7 @@ class Node:
             self.subscriptions[topic] = Subscription(topic, kind, self.caller, send, self._report)
             self.master.add(Item("Subscriber", topic, kind.name))
 
-    def serve(self, name: str, service: Service, commanding: Commanding) -> None:
+    def serve(self, name: str, service: Kind, commanding: Commanding) -> None:
         """Answer a service of a vehicle."""
         self._commanding = commanding
         if name not in self.services:

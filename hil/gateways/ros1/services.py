@@ -5,14 +5,14 @@ from collections.abc import Callable
 
 from hil.common.errors import HilError
 from hil.gateways.commanding import LARGEST
-from hil.gateways.ros1.messages import Service, UnreadableError, to_cdr, to_ros1
+from hil.gateways.ros1.messages import Kind, UnreadableError, to_cdr, to_ros1
 from hil.gateways.ros1.tcpros import Connection, encode_header, frame, read_frame, require_type
 
 Call = Callable[[str, str, bytes], bytes]
 FAILED, DONE = b"\x00", b"\x01"
 
 
-async def serve_calls(name: str, service: Service, call: Call, node: str, connection: Connection) -> None:
+async def serve_calls(name: str, service: Kind, call: Call, node: str, connection: Connection) -> None:
     """Answer the calls of a connection whose header named this service: one, or several if it is persistent.
 
     `call` gets name, type and request, CDR, in another thread, and returns the response; it may raise HilError, which

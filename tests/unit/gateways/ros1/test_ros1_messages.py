@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from hil.common.errors import ConfigError
-from hil.gateways.ros1.messages import UnreadableError, kind_of, service_of, to_cdr, to_ros1
+from hil.gateways.ros1.messages import UnreadableError, kind_of, to_cdr, to_ros1
 from hil.ros import message as ros_message
 from hil.ros.topics import COMMANDS, TOPICS
 from hil.ros.types import names
@@ -34,9 +34,9 @@ CARRIED = sorted({topic.type for topic in TOPICS.values() if not topic.type.star
 
 def test_md5_sums_equal_those_of_noetic() -> None:
     assert {name: kind_of(name).md5sum for name in MD5} == MD5
-    assert {name: service_of(name).md5sum for name in SERVICES} == SERVICES
+    assert {name: kind_of(name).md5sum for name in SERVICES} == SERVICES
     assert kind_of("sensor_msgs/msg/Imu").definition.startswith("std_msgs/Header header\n")
-    assert len({service_of(name).md5sum for name in names() if name.startswith("simulation_interfaces/srv/")}) == 10
+    assert len({kind_of(name).md5sum for name in names() if name.startswith("simulation_interfaces/srv/")}) == 10
 
 
 @pytest.mark.parametrize("kind", CARRIED)
@@ -82,6 +82,6 @@ def test_types_without_a_ros_1_counterpart_are_refused() -> None:
         with pytest.raises(ConfigError, match=name):
             kind_of(name)
     with pytest.raises(ConfigError, match="no counterpart"):
-        service_of("rcl_interfaces/srv/SetParameters")
+        kind_of("rcl_interfaces/srv/SetParameters")
     with pytest.raises(UnreadableError):
         to_ros1("sensor_msgs/msg/Imu", b"\x00\x01\x00\x00short")
