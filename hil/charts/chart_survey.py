@@ -90,6 +90,14 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
             for hazard in layer.hazards()
             if _are_outside(hazard.line[:1], covers).all()
         ),
+        contours=tuple(
+            (piece, depth)
+            for layer, covers in pairs
+            for line, depth in layer.contours()
+            for piece in _cut_line(line, covers)
+        ),
+        shore=_cut_lines(pairs, "COALNE", "SLCONS"),
+        bridges=_cut_lines(pairs, "BRIDGE"),
         notes=(
             *(note for cell in cells for note in cell.notes),
             *(f"{cell.name}: {UNSTATED}" for cell in cells if not _stated_coverage(cell)),
@@ -148,6 +156,10 @@ def _cut_line(line: Array, covers: list[Edges]) -> list[Array]:
     is_outside = _are_outside(line, covers)
     runs = np.split(np.arange(len(line)), np.flatnonzero(np.diff(is_outside)) + 1)
     return [line[run] for run in runs if is_outside[run[0]] and len(run) > 1]
+
+
+def _cut_lines(pairs: list[tuple["_ChartLayer", list[Edges]]], *kinds: str) -> tuple[Array, ...]:
+    return tuple(piece for layer, covers in pairs for line in layer.lines(*kinds) for piece in _cut_line(line, covers))
 
 
 class _ChartLayer:

@@ -11,6 +11,8 @@ from sim.environment.things.natures import NATURES
 
 Facts = tuple[tuple[str, str], ...]  # name, text
 
+BRIDGES = "; bridges are drawn, but their decks are above the water"
+
 
 def describe(survey: Survey, built: BuiltSeabed) -> Facts:
     """Return facts on the sources, quality and contents of a world."""
@@ -25,7 +27,8 @@ def describe(survey: Survey, built: BuiltSeabed) -> Facts:
         ("limits", f"{percent(report.clamped)} of the water moved into the limits of depth areas; "
                    f"{report.off_limits} soundings deeper than the limit of their area"),
         ("obstacles", f"{len(obstacles) - floating} standing on the bed (bed lowered below {report.beds_under} of "
-                      f"them), {floating} floating"),
+                      f"them), {floating} floating"
+                      + (BRIDGES if survey.bridges else "")),
         *_charted_facts(built),
     )  # fmt: skip
 

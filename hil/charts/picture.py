@@ -1,7 +1,7 @@
-"""Draw a seabed: shaded from the north-west, coloured by depth, with the world's obstacles and what is charted."""
+"""Draw a seabed: shaded from the north-west, coloured by depth, with the chart's features."""
 
 import os
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,12 @@ from hil.common.palette import LAND, OBSTACLE
 from hil.plots.plotting import finish_map, pyplot, save_figure
 from hil.plots.run_picture import outlines
 from sim.environment.obstacles import Box, Cylinder
-from sim.environment.world import World
+from sim.environment.things.pipelines import Pipeline
+from sim.environment.things.zones import Zone
 
-UNKNOWN, INK = "#e8e8e8", "#1f2937"
+Array = NDArray[np.float64]
+
+UNKNOWN, SHORE, INK = "#e8e8e8", "#5b4a25", "#1f2937"
 CHARTED = "#be18a0"
 DASHES = {
     "restricted": (6, 2), "military": (6, 2, 1, 2), "anchorage": (3, 3), "dumping": (1, 2), "cable": (8, 2, 1, 2, 1, 2),
@@ -21,19 +24,43 @@ DASHES = {
 }  # fmt: skip
 SUN_AZIMUTH, SUN_ALTITUDE = np.radians(315.0), np.radians(45.0)
 MEAN_SHADE_SLOPE = 0.35  # heights are scaled until the steeper slopes have about this slope, to show the relief
+MAX_NUMBERS = 350  # soundings shown as numbers; more are shown as dots
+MAX_DOTS = 10_000  # soundings shown as dots; more would hide the bed and are not drawn
 MAX_PIXELS = 1320  # along a side, as many as the figure has
-MAX_TRACED = 330  # nodes along a side of the grid for contours
+MAX_TRACED = 330  # nodes along a side of the grid for contours of worlds that have no charted ones
 STRIP_ROWS = 64  # rows of pixels coloured at once
 
 
-def draw(grid: Grid, world: World, path: str) -> None:
-    """Draw a map of `world`, whose bed is `grid`, into the picture at `path`. Raises ConfigError, MissingExtraError."""
+class MapMarks(NamedTuple):
+    """Overlay of the map; all positions are north, east in m.
+
+    Soundings (n, 3), charted contours with their depths, shore lines, bridges, pipelines, zones, and outlines of meshes
+    (each (n, 2)).
+    """
+
+    soundings: Array = np.empty((0, 3))
+    contours: tuple[tuple[Array, float], ...] = ()
+    shore: tuple[Array, ...] = ()
+    bridges: tuple[Array, ...] = ()
+    pipelines: tuple[Pipeline, ...] = ()
+    zones: tuple[Zone, ...] = ()
+    meshes: tuple[Array, ...] = ()
+
+
+def draw(
+    grid: Grid, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...], marks: MapMarks, title: str, path: str
+) -> None:
+    """Draw a map of the seabed and its obstacles into the image file `path`. Raises ConfigError, MissingExtraError."""
     plt = pyplot()
+    grid = _thin(grid, MAX_PIXELS)
     south, north, west, east = grid.extent
     figure, axes = plt.subplots(figsize=_size(east - west, north - south), layout="constrained")
-    draw_bed(figure, axes, grid, world)
-    _draw_charted(axes, world)
-    axes.set(xlim=(west, east), ylim=(south, north), title=f"{world.name}: {world.source}")
+    colours, scale = _shaded(grid, plt)
+    _draw_pixels(axes, grid, colours)
+    _draw_marks(axes, grid, marks)
+    draw_obstacles(axes, cylinders, boxes)
+    add_depth_bar(figure, axes, scale)
+    axes.set(xlim=(west, east), ylim=(south, north), title=title)
     axes.grid(visible=False)
     finish_map(axes)
     # A PNG is so written in a fourth of the time, at the cost of a slightly larger file.
@@ -41,25 +68,20 @@ def draw(grid: Grid, world: World, path: str) -> None:
     save_figure(figure, os.path.abspath(path), 120, **options)
 
 
-def draw_bed(figure: Any, axes: Any, grid: Grid, world: World) -> None:
-    """Draw `grid` with contours and a colour bar, which is to the left as the legend is to the right, and obstacles."""
+def add_depth_bar(figure: Any, axes: Any, scale: Any) -> None:
+    """Add the colour bar of depths to the left of a map; its legend is to the right."""
+    figure.colorbar(scale, ax=axes, label="depth (m)", shrink=0.8, pad=0.02, location="left").ax.invert_yaxis()
+
+
+def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
+    """Draw one pixel of the bed around each node. (imshow would take ten times the memory of the picture.)"""
     from matplotlib.image import PcolorImage
 
-    colours, scale = _shaded(grid)
     south, _, west, _ = grid.extent
     rows, columns = (np.arange(count + 1) - 0.5 for count in grid.depths.shape)
-    # One pixel around each node. imshow would take ten times the memory of the picture.
-    pixels = PcolorImage(axes, west + grid.resolution * columns, south + grid.resolution * rows, colours, zorder=0)
-    pixels.set_in_layout(False)
-    axes.add_image(pixels)
-    if np.nanmax(grid.depths) > np.nanmin(grid.depths):
-        step = thinning_step(grid, MAX_TRACED)
-        places = grid.east[::step], grid.north[::step], grid.depths[::step, ::step]
-        lines = axes.contour(*places, 8, colors=INK, linewidths=0.45, alpha=0.6, zorder=2)
-        for label in axes.clabel(lines, fontsize=7, fmt="%g"):
-            label.set_in_layout(False)  # labels are inside the map and need no room in the layout
-    _draw_obstacles(axes, world.cylinder, world.box)
-    figure.colorbar(scale, ax=axes, label="depth (m)", shrink=0.8, pad=0.02, location="left").ax.invert_yaxis()
+    picture = PcolorImage(axes, west + grid.resolution * columns, south + grid.resolution * rows, colours, zorder=0)
+    picture.set_in_layout(False)
+    axes.add_image(picture)
 
 
 def _size(wide: float, high: float) -> tuple[float, float]:
@@ -68,7 +90,12 @@ def _size(wide: float, high: float) -> tuple[float, float]:
     return max(6.0, wide * inch + 4.2), max(4.0, high * inch + 1.2)
 
 
-def _hillshade(depths: Depths, resolution: float) -> Depths:
+def _thin(grid: Grid, most: int) -> Grid:
+    step = thinning_step(grid, most)
+    return grid._replace(depths=grid.depths[::step, ::step], resolution=grid.resolution * step)
+
+
+def hillshade(depths: Depths, resolution: float) -> Depths:
     """Return the brightness of each node, 0 to 1, by Lambert's law; heights are scaled to show the relief."""
     strips = _strips(len(depths))
     thin = (np.array([slope[::3, ::3].ravel() for slope in _slopes(depths, resolution, part)]) for part in strips)
@@ -95,12 +122,12 @@ def _slopes(depths: Depths, resolution: float, rows: slice) -> list[Depths]:
     return [np.nan_to_num(slope[rows.start - first : rows.stop - first]) for slope in slopes]
 
 
-def _shaded(grid: Grid) -> tuple[NDArray[np.uint8], Any]:
+def _shaded(grid: Grid, plt: Any) -> tuple[NDArray[np.uint8], Any]:
     """Return the RGB colour of every node, and the scale of depths for the colour bar."""
     from matplotlib import cm, colors
 
-    scale = cm.ScalarMappable(colors.PowerNorm(0.6, *_range(grid.depths)), "GnBu")
-    shade = 0.45 + 0.78 * _hillshade(grid.depths, grid.resolution)
+    scale = cm.ScalarMappable(colors.PowerNorm(0.6, *_range(grid.depths)), plt.get_cmap("GnBu"))
+    shade = 0.45 + 0.78 * hillshade(grid.depths, grid.resolution)
     pixels = np.empty((*grid.depths.shape, 3), np.uint8)
     for part in _strips(len(pixels)):
         depths = grid.depths[part]
@@ -123,24 +150,58 @@ def _range(depths: Depths) -> tuple[float, float]:
     return (low if low > 0.3 * high else 0.0), high
 
 
-def _draw_charted(axes: Any, world: World) -> None:
-    """Draw meshes, and zones, pipelines and cables in magenta, as charts do."""
+def _draw_marks(axes: Any, grid: Grid, marks: MapMarks) -> None:
+    from matplotlib.collections import LineCollection
+
+    if marks.contours:
+        axes.add_collection(LineCollection(
+            [line[:, ::-1] for line, _ in marks.contours], colors=INK, linewidths=0.45, alpha=0.6, zorder=2
+        ))  # fmt: skip
+    elif np.nanmax(grid.depths) > np.nanmin(grid.depths):
+        coarse = _thin(grid, MAX_TRACED)
+        lines = axes.contour(
+            coarse.east, coarse.north, coarse.depths, 8, colors=INK, linewidths=0.45, alpha=0.6, zorder=2
+        )
+        for label in axes.clabel(lines, fontsize=7, fmt="%g"):
+            label.set_in_layout(False)  # labels are inside the map and need no room in the layout
+    for lines, colour, width, label in ((marks.shore, SHORE, 0.9, "shore"), (marks.bridges, "black", 2.0, "bridge")):
+        drawn = LineCollection([line[:, ::-1] for line in lines], colors=colour, linewidths=width, zorder=3)
+        drawn.set_label(label if lines else "")
+        axes.add_collection(drawn)
+    _draw_soundings(axes, marks.soundings)
+    _draw_charted(axes, marks)
+
+
+def _draw_charted(axes: Any, marks: MapMarks) -> None:
+    """Draw zones, pipelines and cables in magenta, as charts do."""
     from matplotlib.collections import PolyCollection
 
-    meshes = [triangle for mesh in world.mesh for triangle in np.reshape(mesh.placed, (-1, 3, 3))[..., 1::-1]]
-    label = "obstacle" if meshes else ""
-    axes.add_collection(PolyCollection(meshes, facecolors=OBSTACLE, zorder=5, label=label))
-    for zone in world.all_zones():
+    label = "obstacle" if marks.meshes else ""
+    axes.add_collection(PolyCollection([m[:, ::-1] for m in marks.meshes], facecolors=OBSTACLE, zorder=5, label=label))
+    for zone in marks.zones:
         line, dashes = np.array([*zone.outline, zone.outline[0]]), DASHES[zone.kind]
         axes.plot(
             line[:, 1], line[:, 0], color=CHARTED, linewidth=1.0, dashes=dashes, label=f"{zone.kind} area", zorder=4
         )
-    for pipeline in world.pipeline:
+    for pipeline in marks.pipelines:
         line, style = np.array(pipeline.points), "-" if pipeline.kind == "pipeline" else ":"
         axes.plot(line[:, 1], line[:, 0], style, color=CHARTED, linewidth=1.6, label=pipeline.kind, zorder=4)
 
 
-def _draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...]) -> None:
+def _draw_soundings(axes: Any, soundings: Array) -> None:
+    if len(soundings) > MAX_DOTS:
+        return
+    if len(soundings) > MAX_NUMBERS:
+        axes.plot(
+            soundings[:, 1], soundings[:, 0], ".", color=INK, markersize=1.6, alpha=0.8, label="sounding", zorder=4
+        )
+        return
+    for north, east, depth in soundings:
+        text = f"{depth:.1f}" if depth < 31.0 else f"{depth:.0f}"
+        axes.annotate(text, (east, north), fontsize=5.5, color=INK, ha="center", va="center", clip_on=True, zorder=4)
+
+
+def draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...]) -> None:
     """Draw obstacles in true size; cylinders also have a cross, which is visible at any scale."""
     from matplotlib.collections import PatchCollection
 

@@ -11,7 +11,7 @@ from hil.commands.gridding import RESOLUTION, add_reading, show_progress
 from hil.commands.vehicle.xacro_expand import expand, is_xacro
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError, MissingExtraError
-from hil.common.options import Number, add_json, add_output, lat_lon, new_parser
+from hil.common.options import Number, add_json, add_output, add_plot, lat_lon, new_parser
 from hil.common.schema import preset_names, shortened
 from hil.common.tables import output_file
 from hil.common.text import json_text
@@ -65,6 +65,7 @@ def _parser() -> argparse.ArgumentParser:
         "--priority", metavar="FILE=N", type=priority, action="append", default=[],
         help="where sources overlap, the greatest number is used [1 of rasters, 0 of others]",
     )  # fmt: skip
+    add_plot(build, "draw it with soundings and contours")
     add_json(build)
     build.set_defaults(run=_build)
     show = actions.add_parser("show", help="draw a world")
@@ -129,6 +130,16 @@ def _build(options: argparse.Namespace) -> int:
     lines = aligned([(f"  {name}", text) for name, text in describe(survey, built)])
     header = (NOTE, *(line.strip() for line in lines))
     write_world(path, built.model, survey.source, survey.origin, header)
+    if options.plot:
+        from hil.charts.picture import MapMarks, draw
+
+        name = os.path.splitext(os.path.basename(path))[0]
+        charted = built.model.charted
+        marks = MapMarks(
+            survey.soundings, survey.contours, survey.shore, survey.bridges, charted.pipelines, charted.zones
+        )  # fmt: skip
+        title = f"{name}: {survey.source}"
+        draw(built.model.grid, built.model.cylinders, built.model.boxes, marks, title, options.plot)
     if options.json:
         print(json_text({"world": path, **built.report._asdict()}))
     else:
@@ -137,12 +148,17 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
+    import numpy as np
+
     from hil.charts.grid import overview
-    from hil.charts.picture import MAX_PIXELS, draw
+    from hil.charts.picture import MAX_PIXELS, MapMarks, draw
 
     world = load_world(options.world)
     path = options.output or f"{world.name}.png"
-    draw(overview(world, MAX_PIXELS, options.resolution), world, path)
+    grid = overview(world, MAX_PIXELS, options.resolution)
+    meshes = tuple(triangle for mesh in world.mesh for triangle in np.reshape(mesh.placed, (-1, 3, 3))[..., :2])
+    marks = MapMarks(pipelines=world.pipeline, zones=world.all_zones(), meshes=meshes)
+    draw(grid, world.cylinder, world.box, marks, f"{world.name}: {world.source}", path)
     print(path)
     return 0
 

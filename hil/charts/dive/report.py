@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from hil.charts.describe import Facts
+from hil.charts.dive.mosaic import stitch
 from hil.charts.dive.watch import Observation
 from hil.charts.grid import grid_of, write_file
-from hil.charts.picture import draw_bed
+from hil.charts.picture import add_depth_bar, draw_obstacles, hillshade
 from hil.common.errors import MissionError
 from hil.common.palette import LAND, PATH, TRACK
 from hil.plots.plotting import add_legend, finish_map, pyplot, save_figure
@@ -24,6 +25,7 @@ from sim.sensors.imaging.samples import SonarImageSample
 FRAMES = 6  # camera pictures in the report
 MARK, MEASURED = "#facc15", PATH
 MAP_MARGIN = 25.0  # m of the map around the track
+MOSAIC_RESOLUTION = 0.1  # m
 RINGS = 6  # at most, in the picture of a sonar
 
 
@@ -44,7 +46,7 @@ def write_report(
     figures = {
         "map": (
             _map(plt, world, scenario, observations, chosen),
-            "The track over the seabed, lit from the north-west.",
+            "The track over the seabed, lit from the north-west, and the camera's mosaic, with more contrast.",
         ),
         "altitude": (
             _altitude(plt, world, observations),
@@ -99,8 +101,13 @@ def _map(
     track = np.array([observation.truth.position[:2] for observation in observations])
     figure, axes = plt.subplots(figsize=(12, 8), layout="constrained")
     low, high = track.min(axis=0) - MAP_MARGIN, track.max(axis=0) + MAP_MARGIN
-    draw_bed(figure, axes, grid_of(world), world)
+    image, lines = _draw_seabed(axes, world, low, high)
+    mosaic = stitch(scenario, observations, grid_of(world), (low[0], high[0], low[1], high[1]), MOSAIC_RESOLUTION)
+    axes.imshow(mosaic, origin="lower", extent=(low[1], high[1], low[0], high[0]), zorder=1.5)
     axes.set(xlim=(low[1], high[1]), ylim=(low[0], high[0]), title=scenario.description, facecolor=LAND)
+    axes.clabel(lines, fontsize=7, fmt="%.3g m")
+    if (seen := mosaic[..., 3] > 0).any():
+        axes.plot([], [], "s", color=mosaic[seen].mean(axis=0) / 255.0, markersize=9, label="mosaic of the camera")
     axes.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=2, label="track (true)")
     draw_start(axes, scenario)
     draw_goal(axes, scenario)
@@ -109,8 +116,35 @@ def _map(
     axes.plot([], [], "o", color=MARK, markeredgecolor="black", markersize=9, label="place of a camera picture")
     axes.plot([], [], "s", color=LAND, label="land")
     axes.grid(visible=False)
+    add_depth_bar(figure, axes, image)
     finish_map(axes)
     return figure
+
+
+def _draw_seabed(axes: Any, world: World, low: Any, high: Any) -> tuple[Any, Any]:
+    """Draw the seabed from `low` to `high` (m north, m east) with shading, contours and obstacles.
+
+    Return image and contours.
+    """
+    grid = grid_of(world)
+    south, north, west, east = grid.extent
+    shown = grid.depths[_near(grid.north, low[0], high[0]), :][:, _near(grid.east, low[1], high[1])]
+    image = axes.imshow(
+        np.ma.masked_less_equal(grid.depths, 0.0), origin="lower", extent=(west, east, south, north), cmap="GnBu",
+        vmin=0.0, vmax=float(np.nanmax(shown)),
+    )  # fmt: skip
+    axes.imshow(
+        hillshade(grid.depths, grid.resolution), origin="lower", extent=(west, east, south, north), cmap="gray",
+        alpha=0.35, interpolation="bilinear", vmin=0.0, vmax=1.0,
+    )  # fmt: skip
+    lines = axes.contour(grid.east, grid.north, grid.depths, 14, colors="#1f2937", linewidths=0.5, alpha=0.7)
+    draw_obstacles(axes, world.cylinder, world.box)
+    return image, lines
+
+
+def _near(coordinates: Any, low: float, high: float) -> slice:
+    first, last = np.searchsorted(coordinates, (low, high))
+    return slice(max(0, int(first) - 1), int(last) + 1)
 
 
 def _number(axes: Any, x: float, y: float, number: int) -> None:

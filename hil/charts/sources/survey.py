@@ -66,6 +66,7 @@ class Survey(NamedTuple):
     - `strikes`: (k, 4) segments of contours and coasts: centres and vectors, m.
     - `sheets`: the areas of each chart, from the coarsest to the finest.
     - `hazards`: possible obstacles.
+    - `contours` (with their depths), `shore`, `bridges`: lines to draw.
     - `reach`: m around soundings in which the bed counts as known outside all sheets; 0 for none.
     - `notes`: assumptions made when reading, for the user.
     - `beds`: names and depths of rasters that come before all other data, in order of precedence.
@@ -82,6 +83,9 @@ class Survey(NamedTuple):
     strikes: Array = np.empty((0, 4))
     sheets: tuple[Sheet, ...] = ()
     hazards: tuple[Hazard, ...] = ()
+    contours: tuple[tuple[Array, float], ...] = ()
+    shore: tuple[Array, ...] = ()
+    bridges: tuple[Array, ...] = ()
     reach: float = 0.0
     notes: tuple[str, ...] = ()
     beds: tuple[tuple[str, Bed], ...] = ()

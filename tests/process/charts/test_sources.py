@@ -115,6 +115,7 @@ def test_a_chart_becomes_a_survey_and_a_bed(tmp_path: Path) -> None:
     assert "ENC BAY edition 1 update 0 1:10000" in survey.source
     kinds = {hazard.kind: hazard.bottom for hazard in survey.hazards}
     assert kinds == {"OBSTRN": 1.0, "PILPNT": STANDING, "UWTROC": STANDING}, "one of them floats"
+    assert len(survey.contours) == 1
     assert (survey.guides[:, 2] == 0.0).all()
     assert len(survey.guides) > 20
     built = build(survey, extent, 20.0)
@@ -144,6 +145,10 @@ def test_the_chart_of_larger_scale_is_used_where_charts_overlap(tmp_path: Path) 
     assert combined.sheets[-1].name == "FINE"
     assert sorted(h.kind for h in combined.hazards) == ["OBSTRN", "PILPNT", "UWTROC"]
     west_of = LocalPlane(*combined.origin or (0.0, 0.0)).to_local(np.array([54.002]), np.array([WEST]))[1][0]
+    contour_pieces = [line for line, depth in combined.contours if depth == 42.0]
+    assert len(contour_pieces) == 1
+    assert len(contour_pieces[0]) == 3
+    assert (contour_pieces[0][:, 1] < west_of).all()
     assert (combined.guides[combined.guides[:, 2] == 42.0][:, 1] <= west_of + 1.0).all()
     grid = build(combined, extent, 20.0).model.grid
     plane = LocalPlane(*combined.origin or (0.0, 0.0))

@@ -32,7 +32,7 @@ def built(*names: str, resolution: float | None = None) -> tuple[Survey, BuiltSe
                   "PIPSOL": 3, "CBLARE": 2, "SBDARE": 33}),
     ("US5AK5SJ", {"SOUNDG": 2, "DEPCNT": 113, "DEPARE": 108, "COALNE": 68, "LNDARE": 31, "OBSTRN": 1}),
     ("US5WA22M", {"SOUNDG": 24, "DEPCNT": 406, "DEPARE": 364, "COALNE": 123, "LNDARE": 67, "OBSTRN": 123, "WRECKS": 20,
-                  "DRGARE": 21, "PIPSOL": 6, "RESARE": 6, "SBDARE": 85}),
+                  "DRGARE": 21, "BRIDGE": 18, "PIPSOL": 6, "RESARE": 6, "SBDARE": 85}),
     ("US4AK4PH", {"CBLSUB": 4, "CBLARE": 2, "SBDARE": 240}),
 ])  # fmt: skip
 def test_the_objects_of_the_cells_are_counted(name: str, counts: dict[str, int]) -> None:
