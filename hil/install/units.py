@@ -31,7 +31,7 @@ SERIAL_DRIVERS = ("ttyS", "ttyAMA", "ttyTHS", "ttyUSB", "ttyACM")
 USB_DRIVERS = {"ttyUSB": "usbserial", "ttyACM": "cdc_acm"}
 PI_ALIASES = ("/dev/serial0", "/dev/serial1")  # for a ttyS or a ttyAMA, as set in config.txt
 # Interfaces that need no device, and the USB devices of gs_usb (Linux, drivers/net/can/usb/gs_usb.c).
-WITHOUT_DEVICE = ("socketcan", "virtual", "mcast")
+WITHOUT_DEVICE = ("socketcan", "virtual", "mcast", "socketcand")
 GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
 # Interfaces that python-can opens at /dev/ttyUSB0@115200. slcan is our own, and has its rate from [link].
 WITH_BAUD = ("robotell",)

@@ -9,6 +9,7 @@ udp://127.0.0.1:5760              likewise with datagrams; 0.0.0.0 listens to ot
 can:socketcan:can0                a CAN interface of the kernel
 can:slcan:/dev/ttyACM0            a CAN adapter with the Lawicel text protocol; like that of any serial
                                   device its speed is no part of the address
+can:socketcand:HOST:PORT          can0 of another machine that runs socketcand; HOST:PORT/can1: another bus of it
 can:virtual:bus0                  a bus within this process
 can:mcast:0                       a bus between the processes of this machine, 0 to 255, in the form of ArduPilot's
                                   SITL and DroneCAN's tools
@@ -31,13 +32,14 @@ Kind = Literal["pty", "uart", "rs485", "tcp", "udp", "can", "added"]
 class Address(NamedTuple):
     """The parts of an address. `target` is a path, a host or a CAN channel.
 
-    `interface` is the CAN interface, or the name of a wire that another package adds.
+    `interface` is the CAN interface, or the name of a wire that another package adds; `channel` the bus of a server.
     """
 
     kind: Kind
     target: str
     port: int = 0
     interface: str = ""
+    channel: str = ""
 
     @property
     def carries_can(self) -> bool:
@@ -122,7 +124,11 @@ def _parts(text: str) -> Address:
         return Address("tcp" if scheme == "tcp" else "udp", *server)
     if scheme == "can":
         interface, _, channel = parameters.partition(":")
-        if interface and channel:
+        if interface == "socketcand":
+            place, _, bus = channel.partition("/")
+            if server := _server(place):
+                return Address("can", *server, interface=interface, channel=bus or "can0")
+        elif interface and channel:
             return Address("can", channel, interface=interface)
     from hil.common.plugins import installed
 
@@ -152,10 +158,15 @@ def _open_can(address: Address, baud: int, bitrate: int) -> Wire:
 
         return open_socketcan(address.target)
     if address.interface == "slcan":
-        from hil.links.wires.slcan import SlcanWire
         from hil.links.wires.terminal import UartWire
+        from hil.links.wires.text_can_bus import SlcanWire
 
         return SlcanWire(UartWire(address.target, baud), bitrate)
+    if address.interface == "socketcand":
+        from hil.links.wires.net import TcpHostWire
+        from hil.links.wires.text_can_bus import SocketcandWire
+
+        return SocketcandWire(TcpHostWire(address.target, address.port), address.channel)
     if address.interface == "mcast":
         from hil.links.wires.multicast_bus import MulticastCanWire
 

@@ -1,7 +1,7 @@
 """CAN buses as wires: they carry records of `hil.links.wires.can_frame`, one whole record for each frame.
 
     SocketCanWire    a bus of the Linux kernel, can0 or vcan0, without any package: its sockets use these records
-    SlcanWire        an adapter that writes frames as text, see `hil.links.wires.slcan`
+    SlcanWire, SocketcandWire    adapters and servers that write frames as text, see `hil.links.wires.text_can_bus`
     VirtualCanWire, MulticastCanWire    buses within this process and this machine, also without any package
     PythonCanWire    any other interface of the python-can package, see `hil.links.wires.python_can_bus`
 

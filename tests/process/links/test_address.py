@@ -8,8 +8,8 @@ import pytest
 from hil.common.errors import ConfigError, DeviceError
 from hil.links.address import Address, open_address, parse_address
 from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
-from hil.links.wires.slcan import SlcanWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
+from hil.links.wires.text_can_bus import SlcanWire
 from hil.links.wires.virtual_bus import VirtualCanWire
 from tests.support.links.link_contract import nothing_leaks, read_bytes, wait_readable
 

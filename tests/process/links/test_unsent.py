@@ -20,8 +20,8 @@ from hil.links.protocols import open_protocol
 from hil.links.wires import faults
 from hil.links.wires.faults import Faults, FaultyWire
 from hil.links.wires.net import TcpHostWire, TcpWire
-from hil.links.wires.slcan import SlcanWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
+from hil.links.wires.text_can_bus import SlcanWire
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import open_driver
 from hil.slave.drivers.ends import check_line_rate

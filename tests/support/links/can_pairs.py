@@ -10,8 +10,8 @@ from hil.links.contract import Wire
 from hil.links.wires.can_bus import SocketCanWire
 from hil.links.wires.multicast_bus import MulticastCanWire
 from hil.links.wires.python_can_bus import PythonCanWire
-from hil.links.wires.slcan import SlcanWire
 from hil.links.wires.terminal import UartWire
+from hil.links.wires.text_can_bus import SlcanWire
 from hil.links.wires.virtual_bus import VirtualCanWire
 from tests.support.links.link_contract import read_bytes
 from tests.support.links.slcan_adapter import SlcanBus

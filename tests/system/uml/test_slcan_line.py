@@ -17,8 +17,8 @@ from hil.common.errors import DeviceError
 from hil.links.contract import Wire
 from hil.links.wires.can_bus import SocketCanWire, open_socketcan
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
-from hil.links.wires.slcan import SlcanWire
 from hil.links.wires.terminal import DescriptorWire
+from hil.links.wires.text_can_bus import SlcanWire
 from tests.support.links.can_pairs import until
 from tests.support.links.link_contract import nothing_leaks, read_bytes, wait_readable
 from tests.system.uml.network import ip

@@ -1,4 +1,4 @@
-"""CAN adapters with the Lawicel text protocol, and their noise."""
+"""CAN buses behind a stream of text: adapters and servers, and their noise."""
 
 from collections.abc import Iterator
 
@@ -7,15 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.links.address import open_address, wire_kind
 from hil.links.contract import Wire
 from hil.links.wires.can_frame import pack_frame, unpack_frames
 from hil.links.wires.faults import FaultyWire
-from hil.links.wires.slcan import SlcanWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
+from hil.links.wires.text_can_bus import SlcanWire, SocketcandWire
 from tests.process.links.test_can_wire import EMPTY, EXTENDED, STANDARD, frame_of, message
 from tests.support.links.can_pairs import until
 from tests.support.links.link_contract import nothing_leaks, read_bytes, records, wait_readable
 from tests.support.links.slcan_adapter import SlcanBus
+from tests.support.links.socketcand_server import SocketcandServer
 
 
 @pytest.fixture(autouse=True)
@@ -98,6 +100,34 @@ class TestSlcan:
         assert read_bytes(adapter, 20) == b"\rC\rS8\rO\rt7FF3010203\r"
         wire.close()
         adapter.close()
+
+
+class TestSocketcand:
+    def test_frames_are_exchanged_with_the_socketcand_of_python_can(self) -> None:
+        server = SocketcandServer()
+        wire = open_address(f"can:socketcand:127.0.0.1:{server.port}", "host")
+        with can.Bus("can0", "socketcand", host="127.0.0.1", port=server.port, ignore_config=True) as other_bus:
+            until(lambda: len(server.clients) == 2)
+            for frame in (STANDARD, EXTENDED, EMPTY):
+                wire.write(pack_frame(frame))
+                assert frame_of(other_bus.recv(2.0)) == frame
+                other_bus.send(message(frame))
+                assert unpack_frames(read_bytes(wire, 16)) == [frame]
+        assert wire_kind(wire.name) == "can"
+        wire.close()
+        server.close()
+        assert server.opened == ["can0", "can0"]
+
+    def test_noise_raises_no_error_and_loses_no_later_frame(self) -> None:
+        noise = [
+            b"\xff< frame",
+            b"< frame 12G 1.0 00 >< frame 123 1.0 0 >< frame FFFFFFFF 1.0 >",
+            b"< fra",
+            b"< error > ",
+        ]
+        wire = SocketcandWire(CannedLine([*noise, b"< frame 1FFFFFFF 1.5 00010203", b"04050607 >"]), "can1")
+        received = b"".join(wire.read() for _ in range(9))
+        assert unpack_frames(received) == [EXTENDED]
 
 
 class CannedLine(Wire):
