@@ -39,6 +39,7 @@ _BATCH = 5  # inertial samples in a message; at 100 Hz the first is 50 ms old
 _TEMPERATURE_LIMIT = 60.0  # °C; our choice
 _PACKAGE = b"type.googleapis.com/waterlinked.sonar.protocol."
 _LITERAL = 61 << 2  # a literal whose length stands in the next two bytes
+View = tuple[int, int, float, float]  # width and height of an image (pixels), and its field of view (deg)
 
 
 class Sonar3DSettings(NamedTuple):
@@ -128,15 +129,13 @@ class Sonar3D(Instrument):
         import numpy as np
 
         height, width = sample.ranges.shape
-        shot = Shot(
-            to_wall_ns(now_ns) + self._offset_ns, self._sequence, speed, reach["max"], frequency, width, height, across,
-            _HEIGHT_DEG,
-        )  # fmt: skip
+        head = image_head(to_wall_ns(now_ns) + self._offset_ns, self._sequence, speed, reach["max"], frequency)
+        view = width, height, across, _HEIGHT_DEG
         self._sequence = (self._sequence + 1) & 0xFFFFFFFF
         ranges = np.clip(np.rint(sample.ranges * (scale / _SCALE)), 0, 0xFFFF)
         levels = 100.0 * np.log10(np.maximum(sample.strengths, 30.0) / 30.0)
-        strengths = strength_image(shot, np.clip(levels, 0, 255).astype(np.uint8).tobytes())
-        self._packets = range_image(shot, _SCALE, ranges), strengths
+        strengths = strength_image(head, view, np.clip(levels, 0, 255).astype(np.uint8).tobytes())
+        self._packets = range_image(head, view, _SCALE, ranges), strengths
         self._ready_ns = now_ns + round(2e9 * reach["max"] / speed)
 
     def _emit(self, packet: bytes, measured_ns: int) -> None:
@@ -254,27 +253,13 @@ def _entry(name: str, is_good: bool, message: str) -> dict[str, Any]:
     return {"id": f"{name}-{end}", "message": message, "operational": is_good, "status": status}
 
 
-class Shot(NamedTuple):
-    """What the messages of one image share: time (ns since 1970), number, settings, size and field of view (deg)."""
-
-    time_ns: int
-    sequence: int
-    speed_of_sound: float
-    reach: float
-    frequency: int
-    width: int
-    height: int
-    field_across: float
-    field_down: float
-
-    @property
-    def common(self) -> bytes:
-        """The first four fields of each message."""
-        header = _message((1, _timestamp(self.time_ns)), (2, self.sequence))
-        return _message((1, header), (2, float(self.speed_of_sound)), (3, float(self.reach)), (4, self.frequency))
+def image_head(time_ns: int, sequence: int, speed_of_sound: float, reach: float, frequency: int) -> bytes:
+    """Return the first fields of a message with an image: time (ns since 1970), number, and settings."""
+    header = _message((1, _timestamp(time_ns)), (2, sequence))
+    return _message((1, header), (2, float(speed_of_sound)), (3, float(reach)), (4, frequency))
 
 
-def range_image(shot: Shot, scale: float, pixels: Any) -> bytes:
+def range_image(head: bytes, view: View, scale: float, pixels: Any) -> bytes:
     """Return the packet of a range image; each of `pixels`, a numpy array, times `scale` is a distance in m."""
     import numpy as np
 
@@ -282,14 +267,12 @@ def range_image(shot: Shot, scale: float, pixels: Any) -> bytes:
     more, most = value > 0x7F, value > 0x3FFF
     digits = np.stack([value & 0x7F | more << 7, value >> 7 & 0x7F | most << 7, value >> 14], axis=1).astype(np.uint8)
     packed = digits[np.stack([np.ones_like(more), more, most], axis=1)].tobytes()
-    view = _message((5, shot.width), (6, shot.height), (7, shot.field_across), (8, shot.field_down))
-    return _packet(b"RangeImage", shot.common + view + _message((9, scale), (10, packed)))
+    return _packet(b"RangeImage", head + _message(*enumerate(view, 5), (9, scale), (10, packed)))
 
 
-def strength_image(shot: Shot, pixels: bytes) -> bytes:
+def strength_image(head: bytes, view: View, pixels: bytes) -> bytes:
     """Return the packet of the strengths of the echoes, a byte each: 100 log10(strength / 30)."""
-    view = _message((6, shot.width), (7, shot.height), (8, shot.field_across), (9, shot.field_down), (10, pixels))
-    return _packet(b"BitmapImageGreyscale8", shot.common + view)
+    return _packet(b"BitmapImageGreyscale8", head + _message(*enumerate(view, 6), (10, pixels)))
 
 
 def imu_batch(sequence: int, times_ns: Iterable[int], forces: Iterable[float], rates: Iterable[float]) -> bytes:

@@ -14,7 +14,7 @@ from wlsonar.range_image_protocol import BitmapImageGreyscale8, ImuBatch, RangeI
 
 from hil.common.clock import NS_PER_S, to_wall_ns
 from hil.instruments.contract import Client
-from hil.instruments.sonar_3d import Shot, Sonar3D, Sonar3DSettings, range_image
+from hil.instruments.sonar_3d import Sonar3D, Sonar3DSettings, image_head, range_image
 from sim.environment.obstacles import Box
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample
@@ -158,8 +158,8 @@ def test_no_request_upsets_it(name: str, body: bytes) -> None:
 
 
 def test_pixels_of_all_sizes_are_packed_and_the_largest_image_fits_in_a_datagram() -> None:
-    shot = Shot(2**62, 2**32 - 1, 1500.0, 15.0, 2_400_000, 256, 64, 90.0, 40.0)
+    head, view = image_head(2**62, 2**32 - 1, 1500.0, 15.0, 2_400_000), (256, 64, 90.0, 40.0)
     values = [0, 1, 127, 128, 16_383, 16_384, 65_535]
-    image = unpackb(range_image(shot, 0.001, np.array(values)), known_message_types=KNOWN)
+    image = unpackb(range_image(head, view, 0.001, np.array(values)), known_message_types=KNOWN)
     assert list(image.image_pixel_data) == values
-    assert len(range_image(shot, 0.001, np.full(16_384, 0xFFFF))) < 65_507
+    assert len(range_image(head, view, 0.001, np.full(16_384, 0xFFFF))) < 65_507
