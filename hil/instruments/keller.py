@@ -130,7 +130,8 @@ class Keller33X(StreamInstrument):
             self._kept["address"] = content[0] if 0 < content[0] < _TRANSPARENT else self._kept["address"]
             return bytes((self._kept["address"],))
         if function in (_VALUE, _INTEGER, _COEFFICIENT):
-            value = self._channel(content[0]) if function != _COEFFICIENT else self._coefficient(content[0])
+            coefficients = self._coefficients | {_LOWEST: 0.0, _HIGHEST: self.settings.highest}
+            value = self._channel(content[0]) if function != _COEFFICIENT else coefficients.get(content[0])
             if value is None:
                 return _NO_ADDRESS
             whole = max(-(1 << 31), min((1 << 31) - 1, round(value * 1e5)))
@@ -152,10 +153,6 @@ class Keller33X(StreamInstrument):
             name, value = _OFFSET, 0.0 if name else here
         self._coefficients[name] = value
         return b"\0"
-
-    def _coefficient(self, number: int) -> float | None:
-        ranges = {_LOWEST: 0.0, _HIGHEST: self.settings.highest}
-        return (self._coefficients | ranges).get(number)
 
     def _channel(self, channel: int) -> float | None:
         """Return the value of a channel; None if there is no such."""

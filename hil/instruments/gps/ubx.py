@@ -87,11 +87,6 @@ def _place(epoch: Epoch) -> tuple[int, ...]:
     return round(fix.longitude * 1e7), round(fix.latitude * 1e7), *heights, round(level * sqrt(2.0)), vertical
 
 
-def _course_accuracy(epoch: Epoch) -> int:
-    """Return the accuracy of the course: by the speed's error across it."""
-    return round(1e5 * min(180.0, 57.3 * SPEED_ACCURACY / epoch.speed)) if epoch.speed else 18_000_000
-
-
 QUANTITIES: dict[str, Callable[[Epoch], Sequence[Any]]] = {
     "itow": lambda e: [e.week_and_ms[1]],
     "week": lambda e: [e.week_and_ms[0]],
@@ -114,7 +109,8 @@ QUANTITIES: dict[str, Callable[[Epoch], Sequence[Any]]] = {
     "course": lambda e: [round(e.course * 1e5)],
     "speed_accuracy": lambda _: [_mm(SPEED_ACCURACY)],
     "speed_accuracy_cm": lambda _: [round(100.0 * SPEED_ACCURACY)],
-    "course_accuracy": lambda e: [_course_accuracy(e)],
+    # by the speed's error across it
+    "course_accuracy": lambda e: [round(1e5 * min(180.0, 57.3 * SPEED_ACCURACY / e.speed)) if e.speed else 18_000_000],
     "pdop": lambda e: [round(e.dilutions.position * 100)],
     "dilutions": lambda e: [min(9999, round(value * 100)) for value in e.dilutions],
 }

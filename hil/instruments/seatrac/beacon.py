@@ -70,17 +70,6 @@ SETTINGS = read_messages(_DEVICE["records"])[0]
 AUTO_SOUND_SPEED, USE_ATTITUDE, REPORT_FIXES = 1, 1, 0x40  # bits of `environment` and of `flags`
 
 
-def first_settings(number: int) -> dict[str, Any]:
-    """Return the settings of a new beacon with this number."""
-    values = {name: bytes.fromhex(each) if isinstance(each, str) else each for name, each in _DEVICE["values"].items()}
-    return values | {"beacon": number}
-
-
-def are_valid(settings: dict[str, Any]) -> bool:
-    """Return whether all values are within the documented limits."""
-    return all(low <= settings[name] <= high for name, (low, high) in _DEVICE["limits"].items())
-
-
 class Place(NamedTuple):
     """Where a beacon is: position (NED, m), attitude, and the speed of sound (m/s) that it computes with."""
 
@@ -145,7 +134,10 @@ class Beacon:
     """
 
     def __init__(self, end: str, memory: dict[str, Any], number: int, has_head: bool) -> None:
-        self._memory, self._default = memory, first_settings(number)
+        values = {
+            key: bytes.fromhex(each) if isinstance(each, str) else each for key, each in _DEVICE["values"].items()
+        }
+        self._memory, self._default = memory, values | {"beacon": number}
         self.end, self.has_head = end, has_head
         self.queue = b""
         self.reboot(0)
@@ -159,7 +151,7 @@ class Beacon:
         """Take settings; return the result."""
         if settings is None:
             return bytes((Cst.PARAM_MISSING,))
-        if not are_valid(settings):
+        if not all(low <= settings[name] <= high for name, (low, high) in _DEVICE["limits"].items()):
             return _INVALID
         self.settings = settings
         self.status_due_ns = now_ns if settings["status_mode"] else NEVER_NS
