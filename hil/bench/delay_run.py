@@ -11,7 +11,7 @@ from hil.bench.floors.network import Floor, RoundTrips, wait_ns
 from hil.bench.harness import READY_S, Bench, Process, await_vehicle, labels_of, program
 from hil.bench.loopback import settled
 from hil.bench.presence import check_end, check_present
-from hil.bench.statistics import median
+from hil.bench.record import median
 from hil.client.client import VehicleClient
 from hil.client.delay import DelayMeter, find_doubts
 from hil.common.children import foreign_command, start_child

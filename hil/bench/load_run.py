@@ -10,7 +10,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.bench.harness import Bench, Process, await_vehicle
 from hil.bench.presence import check_end, check_present
 from hil.bench.processes import Usage, read_usage, role, shares
-from hil.bench.statistics import median, spread
+from hil.bench.record import median, spread
 from hil.ros.topics import TOPICS, is_picture
 from hil.scenario.config import FEEDBACK
 from sim.sensors.kinds import SENSORS

@@ -1,13 +1,13 @@
 """Results of a benchmark as a file: figures with all their values, and the machine."""
 
 import json
+import statistics
 import time
-from collections.abc import Iterable
-from math import isfinite
+from collections.abc import Iterable, Sequence
+from math import isfinite, nan
 from typing import Any, Literal, NamedTuple, get_args
 
 from hil.bench.machine import describe
-from hil.bench.statistics import median, spread
 from hil.common.errors import ConfigError
 from hil.common.quantiles import quantile
 from hil.common.tables import read_bytes, save_text
@@ -125,3 +125,14 @@ def _check(record: Record) -> None:
         raise ValueError("settings, details, machine")
     if not all(isinstance(word, str) for word in (record.kind, record.made, *record.labels)):
         raise ValueError("kind, made, labels")
+
+
+def median(values: Sequence[float]) -> float:
+    """Return the middle value, or the mean of the two middle ones; nan without values."""
+    return statistics.median(values) if values else nan
+
+
+def spread(values: Sequence[float]) -> float:
+    """Return the range of the middle half of the values (the interquartile range); nan without values."""
+    ordered = sorted(values)
+    return quantile(ordered, 0.75) - quantile(ordered, 0.25)

@@ -4,7 +4,6 @@ import os
 import sysconfig
 from collections.abc import Iterable
 from importlib.util import find_spec
-from typing import NamedTuple
 
 from hil.bench.harness import Bench, await_vehicle
 from hil.common.children import ROOT, python_command
@@ -26,27 +25,16 @@ AT_MASTER = "first sample at the master"
 LISTENED = ("odom",)  # as in a master that flies; another topic's sample may arrive earlier
 
 
-class Start(NamedTuple):
-    """One start, all in ms after the exec: when each phase ended, and the first sample at the master last."""
-
-    ends: dict[str, float]
-
-    @property
-    def total(self) -> float:
-        """Time until the first sample at the master."""
-        return self.ends[AT_MASTER]
-
-    def phases(self) -> dict[str, float]:
-        """Return the duration of each phase, ms."""
-        before, took = 0.0, {}
-        for name, end in self.ends.items():
-            took[name] = end - before
-            before = end
-        return took
+def phases(ends: dict[str, float]) -> dict[str, float]:
+    """Return the duration of each phase from the times at which they end, in order; all in ms."""
+    return {name: end - before for (name, end), before in zip(ends.items(), (0.0, *ends.values()), strict=False)}
 
 
-def start(bench: Bench) -> Start:
-    """Start a slave while a master connects, and end both. Raises NetworkError."""
+def start(bench: Bench) -> dict[str, float]:
+    """Start a slave while a master connects, and end both; return the duration of each phase, and of "all", in ms.
+
+    All ends with the first sample at the master. Raises NetworkError.
+    """
     with bench.client(topics=LISTENED) as client:
         slave = bench.start_slave()
         await_vehicle(client, slave)
@@ -54,7 +42,8 @@ def start(bench: Bench) -> Start:
         sample = ((client.first_sample_ns(0) or 0) - to_wall_ns(slave.exec_ns)) / NS_PER_MS
         ends = {title: or_nan(health[f"startup_{name}_ms"]) for name, title in PHASES.items()}
         slave.stop()
-    return Start({**dict(sorted(ends.items(), key=lambda end: end[1])), AT_MASTER: sample})
+    took = phases({**dict(sorted(ends.items(), key=lambda end: end[1])), AT_MASTER: sample})
+    return {**{name: took[name] for name in (*PHASES.values(), AT_MASTER)}, "all": sample}
 
 
 def floors() -> dict[str, str]:

@@ -9,6 +9,7 @@ from hil.common.clock import NS_PER_MS
 from hil.common.columns import fit_to_terminal
 from hil.common.options import DAY_S, SEED, Number, Quantity, Share, add_json, integer, new_parser
 from hil.common.schema import parse
+from hil.common.streams import ProgressLine
 from hil.common.tables import settings
 from hil.links.options import add_link
 from hil.links.wires.faults import Faults
@@ -43,10 +44,13 @@ def main(arguments: list[str]) -> int:
         options.stm32, link_of(options), options.channels, options.rate, options.seconds,
         options.spin or options.stm32 not in ("device",), options.seed,
     )  # fmt: skip
-    is_terminal = sys.stderr.isatty()
-    result = run(plan, lambda text: print(text, file=sys.stderr), _show_progress if is_terminal else None)
-    if is_terminal:
-        print("\r\x1b[K", end="", file=sys.stderr)
+    line = ProgressLine()
+    result = run(
+        plan,
+        lambda text: print(text, file=sys.stderr),
+        lambda sent, answered: line.show(f"{sent} sent, {answered} answered"),
+    )
+    line.clear()
     broken = _broken(result, options)
     if options.json:
         print(json.dumps(_record(result, broken), indent=2))
@@ -133,7 +137,3 @@ def _text(result: Result, plan: Plan, broken: list[str]) -> str:
         *(f"LIMIT BROKEN: {text}" for text in broken),
     ]
     return "\n".join(lines)
-
-
-def _show_progress(sent: int, answered: int) -> None:
-    print(f"\r{sent} sent, {answered} answered", end="", file=sys.stderr, flush=True)

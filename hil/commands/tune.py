@@ -1,7 +1,5 @@
 """`uuv-hil tune`: find gains for a vehicle's controller from step responses in the simulator."""
 
-import sys
-from collections.abc import Callable
 from math import isnan
 
 from hil.autonomy.control.controller import AxisGains, HoldGains
@@ -9,6 +7,7 @@ from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 from hil.common.options import SEED, add_output, add_plot, new_parser
 from hil.common.schema import find_preset
+from hil.common.streams import ProgressLine
 from hil.common.tables import read_table
 from hil.plots.plotting import check_picture
 from hil.tuning.picture import draw
@@ -52,7 +51,9 @@ def main(arguments: list[str]) -> int:
     vehicle, control = load_vehicle(options.vehicle)
     tuner = Tuner(options.vehicle, vehicle, control, options.seed)
     axes = options.axis or tuner.axes()
-    tuned = tuner.tune(axes, _progress(len(set(axes))))
+    line = ProgressLine()
+    tuned = tuner.tune(axes, lambda axis: line.show(f"{axis} of {', '.join(axes)}"))
+    line.clear()
     print("\n".join(filter(None, [report(tuned), "" if options.axis else tuner.untuned()])))
     note = "Gains (hil/autonomy/control/controller.py) found by step responses of this model: uuv-hil tune."
     if options.output:
@@ -105,16 +106,3 @@ def _check_vehicle(name: str) -> None:
     scenario = read_table(name) if name.endswith(".toml") else {}
     if "vehicle" in scenario:
         raise ConfigError(f"{name}: is a scenario, not a vehicle; its vehicle is {scenario['vehicle']!r}")
-
-
-def _progress(count: int) -> Callable[[str], None]:
-    """Return a function that shows on a terminal which of `count` axes is being tuned."""
-    runs = 0
-
-    def report_axis(axis: str) -> None:
-        nonlocal runs
-        runs += 1
-        if sys.stderr.isatty():
-            print(f"\r\x1b[K{axis} ({runs} of {count})", end="\r" if runs == count else "", file=sys.stderr, flush=True)
-
-    return report_axis

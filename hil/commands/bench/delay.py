@@ -10,6 +10,7 @@ from hil.bench.harness import Bench
 from hil.bench.record import Figure
 from hil.bench.report import Column
 from hil.commands.bench.options import (
+    PartialFailures,
     add_connect,
     add_repeat,
     add_seconds,
@@ -18,7 +19,6 @@ from hil.commands.bench.options import (
     parse,
     save_columns,
 )
-from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.errors import ConfigError
 from hil.common.options import List, Number, changes_of, host, integer, one_of
 from hil.common.schema import shortened

@@ -5,11 +5,9 @@ from typing import Any
 from hil.bench import load_run
 from hil.bench.load_run import Course, Setting, difference, settings
 from hil.bench.presence import simulation_of
-from hil.bench.record import Figure
+from hil.bench.record import Figure, median, spread
 from hil.bench.report import Column, Row
-from hil.bench.statistics import median, spread
-from hil.commands.bench.options import add_seconds, bench_parser, benchmark, parse, save_columns, show
-from hil.commands.bench.partial_failures import PartialFailures
+from hil.commands.bench.options import PartialFailures, add_seconds, bench_parser, benchmark, parse, save_columns, show
 from hil.common.columns import aligned, fit_to_terminal
 from hil.common.errors import HilError, NetworkError
 from hil.common.options import List, Number, changes_of, integer

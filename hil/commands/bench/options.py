@@ -1,16 +1,18 @@
-"""What benchmarks share: options, progress, and the record of the figures."""
+"""What benchmarks share: options, progress, the record of the figures, and failures of parts of a measurement."""
 
 import argparse
 import shlex
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import wraps
 from typing import Any
 
 from hil.bench.record import Figure, Record, new_record, save
 from hil.bench.report import Column, Row, draw
+from hil.common.errors import HilError
 from hil.common.options import (
     DAY_S,
     REPEAT,
@@ -136,3 +138,48 @@ def benchmark(main: Callable[[list[str]], int]) -> Callable[[list[str]], int]:
             show("")
 
     return run
+
+
+class PartialFailures:
+    """The errors and the Ctrl-C that ended measurements, reported beside the figures and raised at the end."""
+
+    def __init__(self) -> None:
+        self._current = ""
+        self._errors: list[tuple[str, HilError | KeyboardInterrupt]] = []
+
+    def begin(self, what: str) -> None:
+        """Show what is measured from now on, which failures are reported with."""
+        self._current = what
+        show(what)
+
+    @contextmanager
+    def caught(self) -> Iterator[None]:
+        """Store an error that is raised inside; only the `with` block ends, and with it the line of progress."""
+        try:
+            yield
+        except (HilError, KeyboardInterrupt) as error:
+            self._errors.append((self._current, error))
+        finally:
+            show("")
+
+    @property
+    def stopped(self) -> bool:
+        """True if a person or a signal ended the run: then stop measuring."""
+        return any(isinstance(error, KeyboardInterrupt) for _, error in self._errors)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Return the labels of figures that are incomplete."""
+        return tuple(
+            f"RUN FAILED: {place}: {error}" if isinstance(error, HilError) else f"STOPPED: {place}"
+            for place, error in self._errors
+        )
+
+    def most(self, times: int) -> str:
+        """Return the number of repetitions of each figure as text: "5", or "up to 5" after a failure."""
+        return f"up to {times}" if self._errors else str(times)
+
+    def raise_first(self) -> None:
+        """Raise the first error, if there is one: its exit code is the benchmark's."""
+        for _, error in self._errors:
+            raise error

@@ -4,9 +4,8 @@ from math import isnan, nan
 from typing import Any
 
 from hil.bench.harness import Bench
-from hil.bench.record import Figure, Record
+from hil.bench.record import Figure, Record, median
 from hil.bench.soak_run import Observation, Soak, Soaking, measured, trend
-from hil.bench.statistics import median
 from hil.commands.bench.options import bench_parser, benchmark, parse, save_record, show
 from hil.common.errors import STOPPED, ConfigError
 from hil.common.options import Number, changes_of

@@ -5,9 +5,8 @@ from typing import Any
 from hil.bench.harness import Bench
 from hil.bench.record import Figure
 from hil.bench.report import Column, Row, text
-from hil.bench.startup_run import AT_MASTER, PHASES, drop, files_of_a_start, floors, start, time_floor
-from hil.commands.bench.options import add_repeat, bench_parser, benchmark, parse, save_columns, show
-from hil.commands.bench.partial_failures import PartialFailures
+from hil.bench.startup_run import drop, files_of_a_start, floors, start, time_floor
+from hil.commands.bench.options import PartialFailures, add_repeat, bench_parser, benchmark, parse, save_columns, show
 from hil.common.columns import paragraph
 from hil.common.options import changes_of
 
@@ -71,10 +70,8 @@ def _start(bench: Bench, files: list[str]) -> Phases:
     Raises NetworkError.
     """
     drop(files)
-    slave = start(bench)
-    bare: Phases = {}
+    took = start(bench)
     for name, code in floors().items():
         drop(files)
-        bare[name] = time_floor(bench, code)
-    phases = slave.phases()
-    return {**{name: phases[name] for name in (*PHASES.values(), AT_MASTER)}, "all": slave.total, **bare}
+        took[name] = time_floor(bench, code)
+    return took

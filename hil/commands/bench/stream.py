@@ -9,6 +9,7 @@ from hil.bench.record import Figure
 from hil.bench.report import Column, text
 from hil.bench.stream_run import ROWS, Listener, Listening
 from hil.commands.bench.options import (
+    PartialFailures,
     add_connect,
     add_repeat,
     add_seconds,
@@ -18,7 +19,6 @@ from hil.commands.bench.options import (
     save_columns,
     show,
 )
-from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.errors import ConfigError
 from hil.common.options import changes_of
 from hil.scenario.config import load_single

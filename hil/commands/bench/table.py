@@ -14,6 +14,7 @@ from hil.bench.table.boards import HERE
 from hil.bench.table.hil_table import DRAWN, PAPER_NOTE, ROWS, paper
 from hil.bench.table.run import Run, figures, fly
 from hil.commands.bench.options import (
+    PartialFailures,
     add_connect,
     add_repeat,
     add_seconds,
@@ -23,7 +24,6 @@ from hil.commands.bench.options import (
     save_record,
     show,
 )
-from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.clock import boot_id
 from hil.common.columns import fit_to_terminal, paragraph
 from hil.common.errors import ConfigError

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hil.bench.statistics import median, spread
+from hil.bench.record import median, spread
 from hil.client.delay import quantiles
 from hil.common.clock import Histogram
 from hil.common.quantiles import quantile
