@@ -111,7 +111,7 @@ function showPanels() {
 function hud() {
   const box = at("hud"), {clientWidth: width, clientHeight: height} = box, see = reading(), isScene = layout.main === "scene";
   const stick = at("leftstick").offsetHeight, lift = stick && stick + 16, inset = document.querySelector(".panel.small:not(.gone)");
-  const right = inset?.offsetTop > height / 2 ? width - inset.offsetLeft : 0;  // pixels that the small picture covers at the lower right
+  const right = !lift && inset?.offsetTop > height / 2 ? width - inset.offsetLeft : 0;  // pixels that the small picture covers at the lower right
   if (isScene && scene) putOverlay(parts, width, height, {lift, right}, scene, {waypoints: state.waypoints, target: panel().target?.places || [],
                                                                  live: name => name !== chosen() || panel().present !== false});
   const isEye = isScene ? scene?.camera.mode === "eye" : !layout.isSonar();
