@@ -142,22 +142,11 @@ def course(setting: Setting, readings: list[Usage], names: dict[int, str]) -> Co
     return Course(setting, processes)
 
 
-class Difference(NamedTuple):
-    """Difference of two figures, and their noise; a difference below the noise does not count."""
-
-    more: float
-    noise: float
-
-    @property
-    def is_distinct(self) -> bool:
-        """True if the difference is larger than the noise."""
-        return abs(self.more) > self.noise
-
-
-def difference(values: list[float], base: list[float], again: Collection[list[float]] = ()) -> Difference:
-    """Return the difference of two series' medians, and its noise.
+def difference(values: list[float], base: list[float], again: Collection[list[float]] = ()) -> tuple[float, bool]:
+    """Return the difference of two series' medians, and whether it is larger than its noise.
 
     Noise is the larger of their interquartile ranges and the distance of `again`, repetitions of the base, from it.
     """
     apart = [abs(median(each) - median(base)) for each in again]
-    return Difference(median(values) - median(base), max(spread(values), spread(base), *apart, 0.0))
+    more = median(values) - median(base)
+    return more, abs(more) > max(spread(values), spread(base), *apart, 0.0)

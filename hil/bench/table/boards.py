@@ -53,7 +53,7 @@ def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) 
     if slave:
         ours = (f"master: {label}" for label in labels if not label.startswith(SLAVE_PREFIX))
         labels = (*ours, *labels_of(diagnostics))
-    name = " ".join(filter(None, (title, slave)))
+    name = " ".join(filter(None, (title, slave))) or HERE
     return Column(name, figures, f"{about}; {record.made[:10]}", labels, tuple(detail.get("warnings", ())))
 
 

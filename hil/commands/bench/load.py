@@ -118,13 +118,9 @@ def _table(courses: list[Course]) -> list[str]:
 
 def _cells(values: list[float], base: list[float], repeats: list[list[float]], factor: float = 1.0) -> list[str]:
     """Return median, spread, and the difference from `base`."""
-    change = difference(values, base, repeats)
-    more = f"{factor * change.more:+.2f}"
-    return [
-        f"{factor * median(values):.2f}",
-        f"{factor * spread(values):.2f}",
-        more if change.is_distinct else f"({more})",
-    ]
+    change, is_distinct = difference(values, base, repeats)
+    more = f"{factor * change:+.2f}"
+    return [f"{factor * median(values):.2f}", f"{factor * spread(values):.2f}", more if is_distinct else f"({more})"]
 
 
 def _save(

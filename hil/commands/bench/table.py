@@ -68,10 +68,10 @@ def main(arguments: list[str]) -> int:
     failures = PartialFailures()
     record = _measure(options, failures)
     own_columns = board_table.columns_of(record)
-    columns = [*paper(), *earlier, *(_named(column) for column in own_columns)]
+    columns = [*paper(), *earlier, *own_columns]
     print(text(columns, ROWS))
     print(paragraph(PAPER_NOTE))
-    for line in filter(None, (_ratios(_named(column), record) for column in own_columns)):
+    for line in filter(None, (_ratios(column, record) for column in own_columns)):
         print(fit_to_terminal(line))
     runs = f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s"
     print(fit_to_terminal(f"{runs}; (range of the middle half)"))
@@ -150,10 +150,6 @@ def _ratios(column: Column, record: Record) -> str:
     return board_table.ratios(column, Diagnostics(record.details[column.title]["slave"]).board or "")
 
 
-def _named(column: Column) -> Column:
-    return column._replace(title=column.title or HERE)
-
-
 def _description(record: Record) -> list[str]:
     machine = record.machine
     lines = [
@@ -176,7 +172,7 @@ def _check(columns: list[Column], record: Record, board: Board | None) -> int:
     """Compare each column with its budgets, and print which are missed. Raises ConfigError if a slave has none."""
     broken = []
     for column in columns:
-        own_board = board or _board_of(column.title, Diagnostics(record.details[column.title or HERE]["slave"]))
+        own_board = board or _board_of(column.title, Diagnostics(record.details[column.title]["slave"]))
         broken += [f"{own_board.name}: {budget}" for budget in board_table.missed(column, own_board.budgets)]
     for budget in broken:
         print(fit_to_terminal(f"BUDGET MISSED: {budget}"))
