@@ -7,15 +7,12 @@ our declarations; and one client in 5,000 had both links again after a pause, an
 
 from collections.abc import Callable
 from itertools import count
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.network.sockets import cut, pair_of
 from hil.network.workarounds.half_session import IS_HALF, HalfSessions
 from hil.network.workarounds.unread_link import UnreadLinks, read_progress
-
-if TYPE_CHECKING:
-    from hil.network.session import Session
 
 CHECK_S = 0.5  # between two checks
 LINKS_NS = NS_PER_S // 2  # between two checks of the links
@@ -34,6 +31,23 @@ class Received(NamedTuple):
     replies: int
     samples: int
     is_unanswered: bool = False
+
+
+class Supervised(Protocol):
+    """The part of a session that a supervisor needs, see `hil.network.session.Session`."""
+
+    name: str
+    peer_count: int
+
+    @property
+    def is_lost(self) -> bool:
+        """True while the session is lost and could not be reopened."""
+
+    def links(self) -> list[tuple[str, str, str]]:
+        """Return for each link the peer's zenoh id, our address and the peer's address."""
+
+    def reopen(self) -> bool:
+        """Replace the library's session by a new one; return whether this was done."""
 
 
 class Watched:
@@ -99,7 +113,7 @@ class Supervisor:
     `watched` is what must arrive; `checks` are further functions, called with the time (monotonic ns) at each check.
     """
 
-    def __init__(self, session: "Session", lease: float, has_pairs: bool = False) -> None:
+    def __init__(self, session: Supervised, lease: float, has_pairs: bool = False) -> None:
         self._session, self._lease = session, lease
         self._unread, self._halves = UnreadLinks(lease), HalfSessions(lease, has_pairs)
         self._links_ns = 0  # when the links were checked; monotonic

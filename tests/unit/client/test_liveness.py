@@ -55,7 +55,7 @@ class FakeSession:
     reopened = failures = 0
 
     def __init__(self, *peers: str) -> None:
-        self.supervisor = Supervisor(self, LEASE_S)  # type: ignore[arg-type]
+        self.supervisor = Supervisor(self, LEASE_S)
         self.peers = peers
         self.reported: list[str] = []  # tokens that a router has
 
