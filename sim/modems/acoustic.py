@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
-from sim.modems.sound import ambient_noise, paths, power, transmission_loss
+from sim.modems.sound import Path, ambient_noise, paths, power, transmission_loss
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 
 NS = 1_000_000_000
@@ -93,19 +93,23 @@ class AcousticChannel:
     """The water between modems, over a bottom at `depth` m. Calls must come in the order of time.
 
     `counts` has the numbers of messages sent and delivered, and of lost ones by cause: busy (the sender was still
-    sending), too_long, too_weak, deaf (the receiver was sending), collided (with another message), damaged
-    (bit errors).
+    sending), too_long, too_weak, shadowed (no sound ray reaches the receiver), deaf (the receiver was sending),
+    collided (with another message), damaged (bit errors).
 
-    Sound is as fast as at the mean depth of both modems in `column`. Vehicles do not move while a message is on its
-    way; at 2 m/s over 1500 m this neglects 2 m. Bit errors are those of noncoherent orthogonal signals, ½ exp(-Eb / 2
-    N0) (Proakis, Digital Communications), without error correction. Not modelled: refraction, Doppler, fading,
-    directivity, obstacles.
+    If the profile of `column` bends the rays (seawater/sound_rays.py), time and length of the direct path are those of
+    the ray. Echoes are straight, at the mean speed of the direct path; in a shadow the shortest echo carries the
+    message.
+
+    Vehicles do not move while a message is on its way; at 2 m/s over 1500 m this neglects 2 m. Bit errors are those of
+    noncoherent orthogonal signals, ½ exp(-Eb / 2 N0) (Proakis, Digital Communications), without error correction. Not
+    modelled: Doppler, fading, directivity, obstacles.
     """
 
     def __init__(self, modem: AcousticModem, depth: float, seed: int, column: WaterColumn | None = None) -> None:
         self._modem = modem
         self._depth = depth
         self._column = column
+        self._rays = column.rays(depth) if column else None
         self._random = sensor_random(seed, "acoustic_channel")
         self._ranging = ErrorProcess(modem.range_error, 1.0, sensor_random(seed, "acoustic_ranging"))
         spectral = ambient_noise(modem.frequency, modem.wind, modem.shipping)
@@ -157,6 +161,15 @@ class AcousticChannel:
         level = hypot(source[0] - position[0], source[1] - position[1])
         depth = max(self._depth, source[2], position[2])
         all_paths = paths(level, source[2], position[2], depth, modem.bounces)
+        if self._rays is not None:
+            ray = self._rays.between(level, source[2], position[2])
+            if ray is None:
+                del all_paths[0]
+            elif ray.time > 0.0:
+                speed = ray.length / ray.time
+                all_paths[0] = Path(ray.length, 0, 0)
+            if not all_paths:
+                self.counts["shadowed"] += 1
         for path in all_paths:
             loss = transmission_loss(path.length, modem.frequency, modem.spreading)
             loss += path.surface * modem.surface_loss + path.bottom * modem.bottom_loss

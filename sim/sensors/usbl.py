@@ -48,8 +48,9 @@ class Usbl:
 
     The error of the direction is two small angles across the line of sight. A sample is of the instant when the beacon
     sent. It arrives after the travel time of the sound to the station and the mounting's `latency`, which should
-    include the transmission back to the vehicle by modem. The sound is as fast as at the mean depth of both. Not
-    modelled: refraction, echoes, obstacles, the ship's motion.
+    include the transmission back to the vehicle by modem. If the world's profile bends the rays
+    (seawater/sound_rays.py), the range is that of the travel time, the direction that from which the sound arrives, and
+    there is no sample in a shadow. Not modelled: echoes, obstacles, the ship's motion.
     """
 
     Model = UsblModel
@@ -65,8 +66,10 @@ class Usbl:
         models = [model.range, model.angle, model.angle]
         self._errors = make_error_bank(models, period, sensor_random(seed, self.topic))
         self._column = _water_column(scene.world)
+        self._rays = self._column.rays(scene.world.depth) if self._column else None
         at_station = self._column.sound_speed(model.station[2]) if self._column else SOUND_SPEED
         self._assumed_speed = model.assumed_speed or at_station
+        self._range_factor = self._assumed_speed / at_station  # in water with a constant speed of sound
         self.delay_ns = 0
 
     def sample(self, time_ns: int, state: State) -> PositionSample | None:
@@ -75,12 +78,21 @@ class Usbl:
         x, y, z = [a - b for a, b in zip(position, self._station, strict=True)]
         distance = sqrt(x * x + y * y + z * z)
         has_fix = 0.0 < distance <= self._max_range and submersion(self._scene, time_ns, position) >= 0.0
-        speed = self._sound_speed(position)
+        apparent, seconds = distance * self._range_factor, distance / self._sound_speed(position)
         line = (x / distance, y / distance, z / distance) if distance else (0.0, 0.0, 1.0)
-        measured, up, starboard = self._errors.measure((distance * (self._assumed_speed / speed), 0.0, 0.0))
+        if self._rays and has_fix:
+            level = sqrt(x * x + y * y)
+            ray = self._rays.between(level, self._station[2], position[2])
+            if ray is None:
+                has_fix = False
+            else:
+                apparent, seconds = ray.time * self._assumed_speed, ray.time
+                along = sqrt(max(0.0, 1.0 - ray.departure * ray.departure)) / level if level else 0.0
+                line = (x * along, y * along, ray.departure)
+        measured, up, starboard = self._errors.measure((apparent, 0.0, 0.0))
         if not has_fix:
             return None
-        self.delay_ns = round(distance / speed * 1e9)
+        self.delay_ns = round(seconds * 1e9)
         direction = rotate_direction(line, up, starboard)
         north, east, down = [start + measured * along for start, along in zip(self._station, direction, strict=True)]
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))

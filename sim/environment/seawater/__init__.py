@@ -1,4 +1,5 @@
-"""Sea water in layers: density, pressure, speed of sound, and absorption.
+"""Sea water in layers: density, pressure, speed of sound, sound rays, and absorption.
 
-Public: `WaterColumn`, `francois_garrison`, `water_column`, `pressure`. It must not use the world, sensors or modems.
+Public: `WaterColumn`, `SoundRays`, `francois_garrison`, `water_column`, `pressure`. It must not use the
+world, sensors or modems.
 """

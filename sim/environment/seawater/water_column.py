@@ -1,10 +1,14 @@
 """Density, speed of sound and pressure of the water over depth."""
 
 from bisect import bisect_right
+from typing import TYPE_CHECKING
 
 from sim.environment.ocean import Profile
 from sim.environment.seawater.pressure import GRAVITY_SLOPE
 from sim.interpolation import PiecewiseLinear
+
+if TYPE_CHECKING:
+    from sim.environment.seawater.sound_rays import SoundRays
 
 SOUND_SPEED = 1500.0  # m/s, if a profile does not give it
 
@@ -22,6 +26,7 @@ class WaterColumn:
             densities.insert(0, densities[0])
         self._density = PiecewiseLinear(depths, densities)
         self._sound = PiecewiseLinear(profile.depth, profile.sound_speed or (SOUND_SPEED,) * len(profile.depth))
+        self._speeds = profile.depth, profile.sound_speed
         self._depths = depths
         self._gravity = gravity
         self._pressures = [0.0]
@@ -35,6 +40,15 @@ class WaterColumn:
     def sound_speed(self, depth: float) -> float:
         """Return the speed of sound (m/s) at `depth` m: 1500 without a profile."""
         return self._sound(depth)[0]
+
+    def rays(self, bottom: float) -> "SoundRays | None":
+        """Return the sound rays over a seabed at `bottom` m; None if the speed is constant and rays are straight."""
+        depths, speeds = self._speeds
+        if not speeds or min(speeds) == max(speeds):
+            return None
+        from sim.environment.seawater.sound_rays import SoundRays
+
+        return SoundRays(depths, speeds, bottom)
 
     def pressure(self, depth: float) -> float:
         """Return the pressure (Pa) above air pressure at `depth` m: exactly the weight of the water above; 0 in air.

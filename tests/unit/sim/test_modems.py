@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from hil.scenario.modem import ModemReport, encode_report
 from sim.environment.ocean import Profile
+from sim.environment.seawater.sound_rays import SoundRays
 from sim.environment.seawater.water_column import WaterColumn
 from sim.modems.acoustic import NS, AcousticChannel, AcousticModem, Packet
 from sim.modems.sound import ambient_noise, paths, thorp_absorption, transmission_loss
@@ -21,12 +22,26 @@ TWO = {"a": (0.0, 0.0, 10.0), "b": (300.0, 400.0, 10.0)}
 SLOWER_BELOW = WaterColumn(Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0)), 9.81)
 
 
-def test_a_message_travels_at_the_speed_of_sound_at_the_mean_depth() -> None:
-    column = WaterColumn(Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0)), 9.81)
-    channel = AcousticChannel(EXACT, 150.0, seed=1, column=column)
-    through = channel.send(0, "a", b"x", {"a": (0.0, 0.0, 60.0), "b": (600.0, 0.0, 90.0)})
+def test_a_message_travels_along_the_refracted_ray() -> None:
+    positions = {"a": (0.0, 0.0, 60.0), "b": (600.0, 0.0, 90.0)}
+    ray = SoundRays((0.0, 200.0), (1520.0, 1480.0)).between(600.0, 60.0, 90.0)
+    assert ray is not None
+    channel = AcousticChannel(EXACT, 150.0, seed=1, column=SLOWER_BELOW)
+    through = channel.send(0, "a", b"x", positions)
     (packet,) = run(channel)
-    assert packet.received_ns == through + round(hypot(600.0, 30.0) / 1505.0 * NS)
+    assert packet.received_ns == through + round(ray.time * NS)
+    assert packet.distance == pytest.approx(ray.time * 1500.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(("bounces", "result"), [(0, "shadowed"), (1, "delivered")])
+def test_only_a_reflection_reaches_a_shadow_zone(bounces: int, result: str) -> None:
+    """The modems are both 3 m deep, 550 m apart, under sound that bends down."""
+    positions = {"a": (0.0, 0.0, 3.0), "b": (550.0, 0.0, 3.0)}
+    model = EXACT._replace(bounces=bounces, source_level=190.0)
+    channel = AcousticChannel(model, 100.0, seed=1, column=SLOWER_BELOW)
+    channel.send(0, "a", b"x", positions)
+    assert len(run(channel)) == bounces
+    assert channel.counts == {"sent": 1, result: 1}
 
 
 def run(channel: AcousticChannel, until_s: float = 10.0) -> list[Packet]:

@@ -1,6 +1,6 @@
 """Altimeter, acoustic positions, current meter and water track."""
 
-from math import cos, inf, isnan, radians
+from math import cos, dist, hypot, inf, isnan, radians
 from statistics import fmean, pstdev
 
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.ocean import Layers, Ocean, Profile, Waves
+from sim.environment.seawater.sound_rays import SoundRays
 from sim.environment.world import World
 from sim.rotations import from_euler, rotate, rotate_inverse
 from sim.sensors.current_meter import CurrentMeter, CurrentMeterModel
@@ -103,12 +104,34 @@ def test_usbl_samples_arrive_after_the_travel_time(ocean: Ocean | None, speed: f
         assert 600.0 / speed + latency <= delay < 600.0 / speed + latency + 0.0026
 
 
-def test_a_usbl_has_the_speed_of_sound_at_its_station_and_the_sound_that_at_the_mean_depth() -> None:
-    ocean = Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0)))
-    usbl = Usbl(USBL._replace(station=(0.0, 0.0, 40.0)), Mounting(), 1, scene(DEEP._replace(ocean=ocean)))
-    sample = usbl.sample(0, State((600.0, 80.0, 90.0)))
+SLOWER_BELOW = Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480.0)))
+
+
+def test_a_usbl_measures_range_and_direction_along_the_refracted_ray() -> None:
+    """The range is the station's speed of sound times the travel time; the position is off by the ray's curvature."""
+    position, station = (600.0, 80.0, 90.0), (0.0, 0.0, 40.0)
+    world = DEEP._replace(ocean=SLOWER_BELOW)
+    sample = Usbl(USBL._replace(station=station), Mounting(), 1, scene(world)).sample(0, State(position))
+    ray = SoundRays((0.0, 200.0), (1520.0, 1480.0)).between(hypot(600.0, 80.0), 40.0, 90.0)
     assert sample is not None
-    assert sample.position == pytest.approx([600.0 * 1512 / 1507, 80.0 * 1512 / 1507, 40.0 + 50.0 * 1512 / 1507])
+    assert ray is not None
+    off = [a - b for a, b in zip(sample.position, station, strict=True)]
+    assert hypot(*off) == pytest.approx(ray.time * 1512.0)
+    assert off[2] / hypot(*off) == pytest.approx(ray.departure)
+    assert off[1] / off[0] == pytest.approx(80.0 / 600.0)
+    assert sample.position[2] < 85.0, "sound that leaves more level comes down to it"
+    assumed = Usbl(USBL._replace(station=station, assumed_speed=1500.0), Mounting(), 1, scene(world))
+    sample = assumed.sample(0, State(position))
+    assert sample is not None
+    assert dist(sample.position, station) == pytest.approx(ray.time * 1500.0)
+
+
+def test_a_usbl_has_no_fix_in_a_shadow_zone() -> None:
+    """Rays that bend down in a gradient of -0.2 /s leave a beacon 3 m deep without sound from 500 m away."""
+    world = DEEP._replace(ocean=SLOWER_BELOW)
+    usbl = Usbl(USBL._replace(station=(0.0, 0.0, 3.0)), Mounting(), 1, scene(world))
+    assert usbl.sample(0, State((350.0, 0.0, 3.0))) is not None
+    assert usbl.sample(1, State((500.0, 0.0, 3.0))) is None
 
 
 def test_a_wrong_assumed_speed_of_sound_scales_usbl_ranges() -> None:
