@@ -25,5 +25,5 @@ test -x "$folder/bin/pip" || python3 -m venv "$folder"
 mkdir -p /usr/local/bin
 ln -sf "$folder/bin/uuv-hil" /usr/local/bin/uuv-hil
 "$folder/bin/uuv-hil" board install "$scenario" --yes "$@"
-"$folder/bin/uuv-hil" board restart
+(cd /etc/systemd/system && systemctl restart uuv-hil*.service)
 systemctl --no-pager --lines=0 status uuv-hil
