@@ -51,14 +51,17 @@ class Mavlink(NamedTuple):
 
     `endpoints` are its connections: "udpout" sends to a ground station, "udpin" and "tcpin" wait for several, "tcpout"
     connects to a router, "serial" is a radio or a companion computer. `system` is its MAVLink system id, 2 instead of 1
-    if an autopilot with that id flies the vehicle. Ground stations on other machines may only observe unless
-    `commands_from` is "network". `signing_key`, a passphrase or 64 hexadecimal digits, signs all packets and refuses
-    unsigned ones. `parameters` is the file of stored parameters (default: a file of this user for the node), `logs` the
-    folder that MAVFTP offers. With `start` the slave starts this process; otherwise run `uuv-hil gateway mavlink`.
+    if an autopilot with that id flies the vehicle. `autopilot` is the firmware whose mission rules it follows:
+    "ardupilot" means ArduSub, which QGroundControl supports best, "generic" the MAVLink standard alone. Ground stations
+    on other machines may only observe unless `commands_from` is "network". `signing_key`, a passphrase or 64
+    hexadecimal digits, signs all packets and refuses unsigned ones. `parameters` is the file of stored parameters
+    (default: a file of this user for the node), `logs` the folder that MAVFTP offers. With `start` the slave starts
+    this process; otherwise run `uuv-hil gateway mavlink`.
     """
 
     endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")
     system: Annotated[int, Range(1, 250)] = 1
+    autopilot: Literal["ardupilot", "generic"] = "ardupilot"
     commands_from: Literal["localhost", "network"] = "localhost"
     signing_key: str = ""
     parameters: str = ""

@@ -53,6 +53,7 @@ class Core:
         motors: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.port, self.table, self.start_ns = port, table, start_ns
+        self.is_ardupilot = settings.autopilot == "ardupilot"
         self.system = settings.system
         self.texts: deque[tuple[int, str]] = deque(maxlen=50)
         self.messages: deque[Any] = deque(maxlen=50)  # for all ground stations
@@ -64,9 +65,10 @@ class Core:
         self._has_home = False
         if origin:
             self.set_origin(origin)
-        self.flight = MissionFlight(table, lambda: self.origin, lambda: self.home)
+        self.flight = MissionFlight(table, lambda: self.origin, lambda: self.home, int(self.is_ardupilot))
         self.pilot = Pilot(table, self.flight)
-        self.missions = MissionProtocol(self._on_new_mission, lambda: self.origin, self._home_item)
+        home = self._home_item if self.is_ardupilot else None
+        self.missions = MissionProtocol(self._on_new_mission, lambda: self.origin, home)
         self.accessories = Accessories(port.set_accessory)
         self._turns = self._heading = 0.0  # turns of the tether, and the heading (rad) at which they were counted
         self._complaints: dict[str, int] = {}  # text -> when it was sent
@@ -304,7 +306,7 @@ class Core:
 
     def _on_new_mission(self, items: Sequence[Item]) -> None:
         self.flight.replace(items)
-        self.texts.append((6, f"mission: {max(0, len(items) - 1)} items"))
+        self.texts.append((6, f"mission: {max(0, len(items) - self.is_ardupilot)} items"))
 
     def _home_item(self) -> Item:
         latitude, longitude = place_e7(self.context(0, 0), self.home)

@@ -131,7 +131,8 @@ class Dispatcher:
         core = self.core
         status = dialect.MAV_STATE_ACTIVE if core.pilot.armed else dialect.MAV_STATE_STANDBY
         return dialect.MAVLink_heartbeat_message(
-            dialect.MAV_TYPE_SUBMARINE, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
+            dialect.MAV_TYPE_SUBMARINE,
+            dialect.MAV_AUTOPILOT_ARDUPILOTMEGA if core.is_ardupilot else dialect.MAV_AUTOPILOT_GENERIC,
             modes.base_mode(core.pilot.mode, core.pilot.armed), core.pilot.mode,
             status, MAVLINK_VERSION,
         )  # fmt: skip
@@ -216,7 +217,8 @@ class Dispatcher:
         capabilities = 0
         for word in texts:
             capabilities |= getattr(dialect, kind + word)
-        major, minor, patch = ARDUSUB
+        own = [int(part) for part in __version__.split(".") if part.isdigit()] + [0, 0, 0]
+        major, minor, patch, *_ = ARDUSUB if self.core.is_ardupilot else own
         version = major << 24 | minor << 16 | patch << 8 | dialect.FIRMWARE_VERSION_TYPE_DEV
         custom = list(__version__.encode().ljust(8, b"\0")[:8])
         return dialect.MAVLink_autopilot_version_message(

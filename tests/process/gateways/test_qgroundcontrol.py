@@ -13,15 +13,16 @@ from tests.support.clients.mavlink_ground import Ground
 from tests.support.clients.qgroundcontrol import Station
 from tests.support.processes import Program, free_port, write_scenario
 
-LAYOUT = '[mavlink]\nendpoints = ["udpin:127.0.0.1:{udp}"]\nparameters = "{file}"\n'
+LAYOUT = '[mavlink]\nendpoints = ["udpin:127.0.0.1:{udp}"]\nparameters = "{file}"\nautopilot = "{autopilot}"\n'
 
 
-@pytest.fixture(scope="module")
-def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
+@pytest.fixture(scope="module", params=["ardupilot", "generic"])
+def station(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
     folder, udp = tmp_path_factory.mktemp("vehicle"), free_port()
     scenario, _ = write_scenario(folder)
     scenario.write_text(scenario.read_text().replace("paper_six", "bluerov2_heavy_t200"))
-    scenario.write_text(scenario.read_text() + LAYOUT.format(udp=udp, file=folder / "parameters.toml"))
+    layout = LAYOUT.format(udp=udp, file=folder / "parameters.toml", autopilot=request.param)
+    scenario.write_text(scenario.read_text() + layout)
     with Program(folder, "slave", scenario) as slave:
         slave.expect("MAVLink system 1 is uuv1")
         station = Station(f"udpout:127.0.0.1:{udp}")
@@ -91,7 +92,8 @@ def test_beside_an_autopilot_the_vehicle_is_shown_and_not_armed(tmp_path: Path) 
     top = f'controller = "ardupilot"\n[autopilot]\naddress = "udp://127.0.0.1:{autopilot}"\n'
     scenario, _ = write_scenario(tmp_path, top=top)
     text = scenario.read_text().replace("paper_six", "bluerov2_heavy")
-    scenario.write_text(text + LAYOUT.format(udp=udp, file=tmp_path / "parameters.toml"))
+    layout = LAYOUT.format(udp=udp, file=tmp_path / "parameters.toml", autopilot="ardupilot")
+    scenario.write_text(text + layout)
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("MAVLink system 2 is uuv1")
         ground = Ground(f"udpout:127.0.0.1:{udp}")

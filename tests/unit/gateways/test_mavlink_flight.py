@@ -32,7 +32,7 @@ def row(command: int, *params: float, place: tuple[float, float, float] = (9.0, 
 
 def flight_of(*items: Item) -> MissionFlight:
     """Return the flight over items from number 1 on; number 0 is home."""
-    flight = MissionFlight(TABLE, lambda: None, lambda: (1.0, 2.0, 0.0))
+    flight = MissionFlight(TABLE, lambda: None, lambda: (1.0, 2.0, 0.0), 1)
     flight.replace([row(GO), *items])
     return flight
 

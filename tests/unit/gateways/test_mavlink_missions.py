@@ -5,6 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink.flight.mission_flight import COMPLETE
 from hil.gateways.mavlink.flight.modes import Mode
+from hil.scenario.mavlink_records import Mavlink
 from tests.support.clients.mavlink_missions import ACCEPTED, HOME_ROW, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 
@@ -25,6 +26,13 @@ def test_a_mission_is_uploaded_and_downloaded_equal() -> None:
     assert (items[0].x, items[0].y) == (round(45e7), round(10e7))  # item 0 is home, whatever the upload had there
     bench.partner.send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
     assert bench.partner.take_messages("MISSION_ITEM")[0].x == pytest.approx(5.0)
+
+
+def test_item_zero_is_a_waypoint_for_a_generic_autopilot() -> None:
+    bench = Bench(Mavlink(autopilot="generic"))
+    assert upload_mission(bench.partner, [(LOCAL, 16, 5.0, 0.0, 3.0)]) == dialect.MAV_MISSION_ACCEPTED
+    assert bench.core.flight.current == 0
+    assert bench.partner.command(dialect.MAV_CMD_MISSION_START) == ACCEPTED
 
 
 def test_global_positions_need_an_origin() -> None:

@@ -11,6 +11,7 @@ from hil.gateways.mavlink.assembly import defaults_of, motors_of
 from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, REAL32, expand
 from hil.gateways.mavlink.snapshot import ThrusterTest
 from hil.scenario.config import load_scenario
+from hil.scenario.mavlink_records import Mavlink
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, UNSUPPORTED
 from tests.support.clients.mavlink_vehicle import Bench
 
@@ -188,7 +189,7 @@ def test_calibrations_are_answered_as_done(command: int, params: tuple[float, ..
 
 def test_requests_of_mavlink_1_are_answered_in_mavlink_1() -> None:
     """QGroundControl changes to it if PROTOCOL_VERSION is refused."""
-    bench = Bench()
+    bench = Bench(Mavlink(autopilot="generic"))
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 300) == ACCEPTED
     old = dialect.MAVLink(None, 255, 190)
     packet = dialect.MAVLink_param_request_list_message(1, 1).pack(old, force_mavlink1=True)

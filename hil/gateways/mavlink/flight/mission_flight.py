@@ -19,16 +19,18 @@ IDLE, ACTIVE, PAUSED, COMPLETE = (
     dialect.MISSION_STATE_PAUSED,
     dialect.MISSION_STATE_COMPLETE,
 )
-FIRST = 1  # item that is flown: item 0 is home, as in ArduPilot
 
 
 class MissionFlight:
-    """The flight over a mission's items. `reached` collects numbers of items, `texts` messages for a person."""
+    """The flight over a mission's items. `first` is the first that is flown: 1 where item 0 is home.
+
+    `reached` collects numbers of items, `texts` messages for a person.
+    """
 
     def __init__(
-        self, parameters: ParameterTable, origin: Callable[[], Origin | None], home: Callable[[], Point]
+        self, parameters: ParameterTable, origin: Callable[[], Origin | None], home: Callable[[], Point], first: int
     ) -> None:
-        self._parameters, self._origin, self._home = parameters, origin, home
+        self._parameters, self._origin, self._home, self._first = parameters, origin, home, first
         self._items: Sequence[Item] = ()
         self.current = 0
         self.status = int(dialect.MISSION_STATE_NO_MISSION)
@@ -47,13 +49,13 @@ class MissionFlight:
         """Take a new mission, which begins at its first item."""
         self._items = items
         self.restart()
-        self.status = IDLE if len(items) > FIRST else int(dialect.MISSION_STATE_NO_MISSION)
+        self.status = IDLE if len(items) > self._first else int(dialect.MISSION_STATE_NO_MISSION)
 
     def select(self, index: int) -> bool:
         """Go on with that item; return whether there is one."""
         if not 0 <= index < len(self._items):
             return False
-        self.current = max(index, FIRST)
+        self.current = max(index, self._first)
         self._arrived_ns = self._stay = None
         if self.status in (COMPLETE, PAUSED):
             self.status = ACTIVE
@@ -61,7 +63,7 @@ class MissionFlight:
 
     def begin(self) -> str:
         """Begin, go on, or begin again when it was complete; return why that cannot be, "" if it can."""
-        if len(self._items) <= FIRST:
+        if len(self._items) <= self._first:
             return "there is no mission"
         if self.status == COMPLETE:
             self.restart()
@@ -84,7 +86,7 @@ class MissionFlight:
 
     def restart(self) -> None:
         """Go back to the first item."""
-        self.current = FIRST
+        self.current = self._first
         self._speed = self._arrived_ns = self._stay = None
 
     def _fly(self, item: Item, state: State, now: int) -> Target | None:

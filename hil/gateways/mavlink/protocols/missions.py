@@ -32,12 +32,16 @@ class _Upload:
 class MissionProtocol:
     """The mission, and its exchange with ground stations, one upload at a time.
 
-    `on_new` is called with the new items, `origin` returns the origin of local coordinates, `home` the home position as
-    an item: item 0 is always that, as in ArduPilot. Each method returns the messages to send to the partner.
+    `on_new` is called with the new items, `origin` returns the origin of local coordinates. With `home`, which returns
+    the home position as an item, item 0 is always that, as in ArduPilot.
+    Each method returns the messages to send to the partner.
     """
 
     def __init__(
-        self, on_new: Callable[[Sequence[Item]], None], origin: Callable[[], Origin | None], home: Callable[[], Item]
+        self,
+        on_new: Callable[[Sequence[Item]], None],
+        origin: Callable[[], Origin | None],
+        home: Callable[[], Item] | None,
     ) -> None:
         self._on_new, self._origin, self._home = on_new, origin, home
         self._items: list[Item] = []
@@ -46,7 +50,7 @@ class MissionProtocol:
     @property
     def items(self) -> list[Item]:
         """The items as they are numbered on the wire."""
-        return [self._home(), *self._items[1:]]
+        return [self._home(), *self._items[1:]] if self._home else self._items
 
     def request_list(self, packet: Any, partner: Partner) -> list[Any]:
         """Answer MISSION_REQUEST_LIST."""
@@ -92,7 +96,8 @@ class MissionProtocol:
         if packet.seq != len(upload.items):  # sent twice, or late: what is missing is requested again in time
             return []
         item = read_item(packet)
-        problem = validate_item(item, self._origin()) if item and packet.seq else None
+        is_home = self._home is not None and packet.seq == 0
+        problem = None if item is None or is_home else validate_item(item, self._origin())
         if item is None or problem is not None:
             self._upload = None
             return [_ack(problem or dialect.MAV_MISSION_INVALID, MISSION, partner)]
