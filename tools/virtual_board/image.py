@@ -87,7 +87,8 @@ def write_image(board: VirtualBoard, job: str, path: str) -> None:
         folder = Path(name)
         shutil.copytree(board.site, folder / INSTALLED, symlinks=True, copy_function=os.link)
         for database in ("passwd", "group"):
-            _write(folder, f"etc/{database}", Path(board.root, f"usr/share/base-passwd/{database}.master").read_text())
+            master = Path(board.root, f"usr/share/base-passwd/{database}.master")
+            _write(folder, f"etc/{database}", master.read_text(encoding="utf-8"))
         for inside, text in FILES.items():
             _write(folder, inside, text)
         for inside, text in (("init", INIT), ("opt/job", job)):
