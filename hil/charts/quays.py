@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.polygons import Edges, Mask, Window, contains, edge_distance
+from hil.autonomy.paths.polygons import Edges, Mask, Window, edge_distance, segments
 from hil.charts.sources.survey import Survey
 
 Array = NDArray[np.float64]
@@ -67,7 +67,9 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     import shapely
 
     lines = shapely.linestrings(np.stack([start, end], axis=1))
-    near = np.zeros(len(start), bool) if strip is None else shapely.dwithin(lines, strip, (WIDE + 1.0) * cell)
+    near, tree = np.zeros(len(start), bool), shapely.STRtree(lines)
+    if strip is not None:
+        near[tree.query(lines[shapely.intersects(strip, lines)], "dwithin", (WIDE + 1.0) * cell)[1]] = True
     counts = np.where(near, np.maximum(1, np.ceil(np.hypot(*(end - start).T) / cell)), 1).astype(np.intp)
     edge = np.repeat(np.arange(len(start)), counts)
     part = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -83,9 +85,8 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     (judged,) = np.nonzero(near)
     is_left = np.zeros(len(start), bool)
     sides = across[np.cumsum(counts) - counts][judged]
-    is_left[judged] = contains(land, 0.5 * (start + end)[judged] + BESIDE * sides)
+    is_left[judged] = _contains(land, 0.5 * (start + end)[judged] + BESIDE * sides)
     inward[:] = np.where(is_left[edge][:, None], across, -across)
-    tree = shapely.STRtree(lines)
     feet = first[index] + np.array(FEET)[:, None, None] * along[index]
     widths, far_sides = _cross(tree, feet, inward[index], WIDE * cell)
     on_wall = shapely.covers(strip, shapely.linestrings(np.stack([first[index], (first + along)[index]], axis=1)))
@@ -94,10 +95,27 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     has_walls, is_narrow = is_far_wall.all(axis=0), width[index] < NARROW * cell
     quay[index], mole[index] = on_wall & has_walls & ~is_narrow, on_wall & has_walls & is_narrow
     single[index] = on_wall & ~has_walls
-    walls = shapely.multilinestrings(shapely.linestrings(np.stack([first, first + along], axis=1)[single]))
-    is_opposite = shapely.dwithin(shapely.points(far_sides), walls, ON_WALL) & np.isfinite(widths)
-    opposite[index] = ~on_wall & is_opposite.any(axis=0)
+    walls = shapely.STRtree(shapely.linestrings(np.stack([first, first + along], axis=1)[single]))
+    is_opposite = np.zeros(widths.size, bool)
+    is_opposite[walls.query(shapely.points(far_sides).ravel(), "dwithin", ON_WALL)[0]] = True
+    opposite[index] = ~on_wall & (is_opposite.reshape(widths.shape) & np.isfinite(widths)).any(axis=0)
     return coasts
+
+
+def _contains(edges: Edges, points: Array) -> Mask:
+    """Return what `contains` does, by a tree of the edges: of all charted land there are too many for each point."""
+    import shapely
+
+    start, end = segments(edges)
+    west = min(start[:, 1].min(), end[:, 1].min()) - 1.0
+    tree = shapely.STRtree(shapely.linestrings(np.stack([start, end], axis=1)))
+    rows = np.column_stack([points[:, 0], np.full(len(points), west)])
+    point, edge = tree.query(shapely.linestrings(np.stack([points, rows], axis=1)))
+    (north, east), (one, other) = points[point].T, (start[edge], end[edge])
+    spans = (one[:, 0] <= north) != (other[:, 0] <= north)
+    rise = np.where(spans, other[:, 0] - one[:, 0], 1.0)
+    is_west = one[:, 1] + (north - one[:, 0]) / rise * (other[:, 1] - one[:, 1]) <= east
+    return np.asarray(np.bincount(point[spans & is_west], minlength=len(points)) % 2 == 1)
 
 
 def _cross(tree: Any, feet: Array, directions: Array, reach: float) -> tuple[Array, Array]:
