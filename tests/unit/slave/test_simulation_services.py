@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.slave.ros.simulation import FEATURES, MAX_STEPS, PAUSE_FEATURES
+from sim.rotations import from_euler
 from sim.tether import Tether, TetherKeys
 from tests.unit.slave.test_vehicle_services import Vehicle, pose
 
@@ -40,19 +41,30 @@ def test_the_features_are_those_offered(vehicle: Vehicle) -> None:
     assert list(features["features"]) == sorted([*FEATURES.values(), *PAUSE_FEATURES.values()])
 
 
+def test_a_state_is_given_in_the_worlds_axes_with_its_stamp(vehicle: Vehicle) -> None:
+    """At N 3, E 4, 6 m deep, heading east: its surge is eastward, its sway southward, and rates turn likewise."""
+    state = vehicle.simulation.state
+    state.position, state.quaternion = [3.0, 4.0, 6.0], list(from_euler(0.0, 0.0, 0.5 * math.pi))
+    state.nu = [0.3, 0.2, 0.1, 0.01, 0.02, 0.03]
+    vehicle.loop.sample_publisher.stamps.begin(-1, 5 * NS_PER_S + 7)
+    answer = call(vehicle, "get_entity_state", entity="uuv1")
+    assert (code(answer), code(call(vehicle, "get_entity_state", entity="other"))) == (OK, NOT_FOUND)
+    assert answer["state"]["header"] == {"stamp": {"sec": 5, "nanosec": 7}, "frame_id": "map"}
+    assert answer["state"]["pose"]["position"] == {"x": 4.0, "y": 3.0, "z": -6.0}
+    orientation = answer["state"]["pose"]["orientation"]
+    assert orientation == pytest.approx({"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0})
+    assert answer["state"]["twist"]["linear"] == pytest.approx({"x": 0.3, "y": -0.2, "z": -0.1})
+    assert answer["state"]["twist"]["angular"] == pytest.approx({"x": 0.01, "y": -0.02, "z": -0.03})
+
+
 def test_a_set_pose_is_read_back(vehicle: Vehicle) -> None:
-    twist = {"linear": {"x": 0.3, "y": -0.2, "z": 0.1}, "angular": {"z": 0.05}}
-    assert (
-        code(vehicle.server.call("/uuv1/set_entity_state", {"entity": "uuv1", **pose(3, 4, -6, 0.7, twist=twist)}))
-        == OK
-    )
+    twist = {"linear": {"x": 0.3, "y": -0.2, "z": 0.1}, "angular": {"x": -0.02, "y": 0.04, "z": 0.05}}
+    request = pose(3, 4, -6, 0.7, twist=twist)
+    assert code(vehicle.server.call("/uuv1/set_entity_state", {"entity": "uuv1", **request})) == OK
     state = call(vehicle, "get_entity_state", entity="uuv1")["state"]
-    assert state["header"]["frame_id"] == "map"
-    assert list(state["pose"]["position"].values()) == pytest.approx([3, 4, -6])
-    orientation = state["pose"]["orientation"]
-    assert abs(orientation["w"]) == pytest.approx(math.cos(0.35))
-    assert list(state["twist"]["linear"].values()) == pytest.approx([0.3, -0.2, 0.1])
-    assert state["twist"]["angular"]["z"] == pytest.approx(0.05)
+    assert state["pose"]["position"] == pytest.approx({"x": 3.0, "y": 4.0, "z": -6.0})
+    assert abs(state["pose"]["orientation"]["w"]) == pytest.approx(math.cos(0.35))
+    assert state["twist"] == {part: pytest.approx(values) for part, values in twist.items()}
 
 
 def test_an_orientation_of_any_length_is_one(vehicle: Vehicle) -> None:
@@ -64,11 +76,12 @@ def test_an_orientation_of_any_length_is_one(vehicle: Vehicle) -> None:
 
 
 def test_reset_returns_the_vehicle_to_its_start(vehicle: Vehicle) -> None:
-    assert code(call(vehicle, "reset_simulation")) == OK
     start = vehicle.start
-    assert list(vehicle.simulation.state.position) == [start.north, start.east, start.depth]
-    assert code(call(vehicle, "reset_simulation", scope=1)) == UNSUPPORTED
-    assert code(call(vehicle, "reset_simulation", scope=255)) == UNSUPPORTED
+    for scope, done in ((0, OK), (1, UNSUPPORTED), (2, OK), (4, UNSUPPORTED), (255, UNSUPPORTED)):
+        vehicle.simulation.state.position = [9.0, 9.0, 9.0]
+        assert code(call(vehicle, "reset_simulation", scope=scope)) == done
+        moved = list(vehicle.simulation.state.position) == [start.north, start.east, start.depth]
+        assert moved == (done == OK)
 
 
 def test_a_vehicle_that_is_moved_takes_its_tether_along(vehicle: Vehicle) -> None:
@@ -91,11 +104,14 @@ def test_a_paused_simulation_stops_and_steps_on_request(vehicle: Vehicle) -> Non
     assert simulation.time_ns == before
     assert code(call(vehicle, "step_simulation", steps=4)) == OK
     assert simulation.time_ns - before == 4 * loop.schedule.period_ns
-    assert code(call(vehicle, "step_simulation", steps=MAX_STEPS + 1)) == FAILED
-    assert code(call(vehicle, "step_simulation", steps=2**64 - 1)) == FAILED
+    for steps, done in ((0, FAILED), (1, OK), (MAX_STEPS, OK), (MAX_STEPS + 1, FAILED), (2**64 - 1, FAILED)):
+        before = simulation.time_ns
+        assert code(call(vehicle, "step_simulation", steps=steps)) == done
+        assert simulation.time_ns - before == steps * (done == OK) * loop.schedule.period_ns
+    before = simulation.time_ns
     assert set_state(vehicle, 1) == OK
     loop.advance_to(now_ns() + 2 * NS_PER_S)
-    assert simulation.time_ns > before + 4 * loop.schedule.period_ns
+    assert simulation.time_ns > before
 
 
 def test_stamps_after_a_pause_are_on_the_clock(vehicle: Vehicle) -> None:

@@ -1,7 +1,8 @@
 """The collision shape of a hull: how it turns, bounces, slides and comes to rest."""
 
+from array import array
 from collections.abc import Sequence
-from math import radians, sqrt
+from math import cos, inf, radians, sin, sqrt
 from random import Random
 from typing import Any
 
@@ -11,9 +12,11 @@ from hil.common.errors import ConfigError
 from hil.common.schema import parse
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
-from sim.environment.obstacles import Cylinder
+from sim.environment.obstacles import Box, Cylinder
+from sim.environment.terrain import Terrain
+from sim.environment.terrain_grid import Grid
 from sim.environment.world import World
-from sim.rotations import from_euler
+from sim.rotations import from_euler, to_euler
 from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision, make_shape
 from sim.vehicle.vehicle import Vehicle, load_vehicle
@@ -25,6 +28,7 @@ FRAME, _ = load_vehicle("bluerov2_heavy")
 SEA = World("sea", "test", (-40.0, 40.0, -40.0, 40.0), 20.0)
 WALLED = SEA._replace(walls=True)
 DT = 0.0025
+BASIN = array("f", [9.0] * 169)
 
 
 def ball(collision: Collision, **changes: object) -> Vehicle:
@@ -207,3 +211,106 @@ def test_distant_obstacles_are_not_measured(monkeypatch: pytest.MonkeyPatch) -> 
         assert 0 < len(measured) < 70
         assert contact.clearance()[2] < 500.0
     assert contact.resolve(State((9980.0, 40.0, 10.0)))
+
+
+@pytest.mark.parametrize(("friction", "restitution"), [(0.0, 0.0), (0.1, 0.5), (0.2, 0.8), (0.3, 0.0)])
+@pytest.mark.parametrize(("depth", "since"), [(0.001, 0.001), (0.02, DT)], ids=["within the step", "deeper"])
+def test_from_the_impact_on_the_ball_moves_with_its_new_velocity(
+    friction: float, restitution: float, depth: float, since: float
+) -> None:
+    """It comes at 1 m/s and has passed the wall by `depth`; what it gained since the impact does not bounce.
+
+    If it is deeper than its motion explains, it is moved out to the wall's side.
+    """
+    vehicle = ball(Collision(friction=friction, restitution=restitution), neutrally_buoyant=True)
+    contact = Contact(vehicle, WALLED, Dynamics(vehicle, 1025.0, 9.8).inverse_mass, DT)
+    state = State((39.8 + depth, 3.0, 5.0), nu=(1.0, 1.5, 0.0, 0.0, 0.0, 0.0))
+    state.nu_dot = [8.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert contact.resolve(state)
+    gained = 8.0 * since if restitution else 0.0
+    closing = 1.0 - gained
+    north = gained - restitution * closing
+    lost = friction * (1.0 + restitution) * closing
+    turn = -0.2 * 13.0 * lost / 0.3
+    assert state.nu == pytest.approx([north, 1.5 - lost, 0.0, 0.0, 0.0, turn], abs=1e-9)
+    assert list(contact.impulse) == pytest.approx(
+        [13.0 * (-restitution - 1.0) * closing, -13.0 * lost, 0.0, 0.0, 0.0, 0.3 * turn], abs=1e-8
+    )
+    passed = 39.8 + depth + since * (north - 1.0)
+    passed = min(passed, 39.8) if depth > since else passed
+    assert list(state.position) == pytest.approx([passed, 3.0 - since * lost, 5.0], abs=1e-6)
+    assert to_euler(state.quaternion) == pytest.approx((0.0, 0.0, since * turn), rel=1e-5)
+    assert (contact.what, contact.count, contact.clearance()[3]) == ("the north wall", 1, -inf)
+
+
+def test_a_contact_is_counted_at_its_begin_and_has_the_name_of_what_is_touched() -> None:
+    world = SEA._replace(cylinder=(Cylinder(3.0, 0.0, 1.0, name="the pile"),))
+    contact = Contact(ball(Collision()), world, Dynamics(ball(Collision()), 1025.0, 9.8).inverse_mass, DT)
+    places = {"pile": (1.81, 0.0, 5.0), "bed": (0.0, 0.0, 19.81), "water": (0.0, 0.0, 5.0)}
+    found = []
+    for place in ("water", "pile", "pile", "water", "bed", "water", "pile"):
+        touching = contact.resolve(State(places[place]))
+        assert touching == contact.touching == (place != "water")
+        found.append((contact.count, contact.what))
+    pile, bed = "the pile", "the seabed"
+    assert found == [(0, ""), (1, pile), (1, pile), (1, pile), (2, bed), (2, bed), (3, pile)]
+
+
+def test_a_vehicle_placed_deep_in_the_ground_is_lifted_and_one_that_moved_there_turns() -> None:
+    inverse = Dynamics(TORPEDO, 1025.0, 9.8).inverse_mass
+    for depth, turns in ((19.5, False), (19.252, True)):
+        contact, down = Contact(TORPEDO, SEA, inverse, DT), from_euler(0.0, radians(-69.0), 0.0)
+        state = State((3.0, 4.0, depth), down)
+        assert contact.resolve(state)
+        assert (list(state.quaternion) != list(down)) == turns, depth
+        assert max([touch.depth for touch in contact.find(state)], default=0.0) < 1e-5
+        if not turns:
+            assert list(state.position[:2]) == [3.0, 4.0]
+
+
+@pytest.mark.parametrize("position", [(0.0, 0.0, 5.0), (-25.0, 3.0, 5.0), (10.0, -4.0, 1.0), (27.0, 0.0, 5.0)])
+def test_no_contact_is_possible_within_the_clearance(position: tuple[float, float, float]) -> None:
+    world = SEA._replace(
+        cylinder=(Cylinder(30.0, 0.0, 1.0), Cylinder(-30.0, 0.0, 2.0)), box=(Box(0.0, 30.0, 2.0, 4.0),)
+    )
+    contact = Contact(TORPEDO, world, Dynamics(TORPEDO, 1025.0, 9.8).inverse_mass)
+    assert not contact.resolve(State(position))
+    north, east, free, floor = contact.clearance()
+    assert (north, east) == position[:2]
+    sides = [one.separation(north, east)[0] for one in world.upright()]
+    assert free == pytest.approx(min(sides) - contact.radius)
+    assert floor == pytest.approx(20.0, abs=1e-4)
+    assert floor < 20.0
+    for turn in range(16):
+        place = (north + 0.99 * free * cos(0.3927 * turn), east + 0.99 * free * sin(0.3927 * turn), 5.0)
+        assert Contact(TORPEDO, world, contact.inverse_mass).find(State(place)) == []
+    bare = Contact(TORPEDO, SEA, contact.inverse_mass)
+    assert not bare.resolve(State(position))
+    assert bare.clearance() == (0.0, 0.0, inf, floor)
+
+
+@pytest.mark.parametrize("axes", [(0,), (1,), (0, 1)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_at_an_edge_of_the_grid_the_motion_across_it_ends_and_that_along_it_goes_on(
+    axes: tuple[int, ...], side: float
+) -> None:
+    """A basin 5 m deep around which the seabed is above the vehicle."""
+    world = World("basin", "", (-20.0, 20.0) * 2, 4.0, terrain=Terrain(Grid(-6.0, -6.0, 1.0, 13, 13), BASIN, 4.0))
+    vehicle = ball(Collision(friction=0.0, restitution=0.0), neutrally_buoyant=True)
+    contact = Contact(vehicle, world, Dynamics(vehicle, 1025.0, 9.8).inverse_mass, DT)
+    velocity = [side * 4.0 if axis in axes else 0.4 for axis in (0, 1)]
+    state = State((0.0, 0.0, 7.0), nu=(*velocity, 0.0, 0.0, 0.0, 0.0))
+    for _ in range(4000):
+        before = list(state.position)
+        state.position = [x + DT * v for x, v in zip(before, (*velocity, 0.0), strict=True)]
+        if contact.resolve(state):
+            break
+    assert (contact.what, contact.count) == ("the seabed", 1)
+    for axis in (0, 1):
+        moved = before[axis] + DT * velocity[axis]
+        assert state.position[axis] == pytest.approx(before[axis] if axis in axes else moved, abs=1e-12)
+        if axes != (0, 1):  # in a corner the second impulse turns the ball
+            assert state.nu[axis] == pytest.approx(0.0 if axis in axes else 0.4, abs=1e-3)
+        assert 5.0 < abs(state.position[axis]) < 6.5 or axis not in axes
+    assert state.position[2] == 7.0
+    assert contact.clearance()[3] == -inf
