@@ -29,7 +29,7 @@ LEAST, LIMIT_S = 0.9, 600  # share of changes that tests must catch; for one cha
 MAVLINK = "-k=mavlink or qgroundcontrol"
 ROOMS = {  # the unit tests of each, and its process tests
     "hil/slave": (["tests/unit/slave"], ["tests/process/slave", "tests/process/test_failsafe.py"]),
-    "hil/links": (["tests/unit/links"], ["tests/process/links"]),
+    "hil/links": (["tests/unit/links", "tests/unit/commands/test_frame_command.py"], ["tests/process/links"]),
     "hil/gateways/mavlink": (["tests/unit/gateways", MAVLINK], ["tests/process/gateways", MAVLINK]),
     "sim": (["tests/unit/sim", "tests/unit/autonomy"], ["tests/process/sim"]),
 }

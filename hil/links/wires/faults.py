@@ -337,7 +337,7 @@ class _Lane:
             self._line_free_ns = now
         wait = faults.delay + (faults.jitter * self._random.random() if faults.jitter else 0.0)
         later = round(wait * NS_PER_S)
-        size = PIECE if faults.baud and not self._on_can else len(chunk)
+        size = PIECE if faults.baud else len(chunk)
         for start in range(0, len(chunk), size):
             piece = chunk[start : start + size]
             if faults.baud:

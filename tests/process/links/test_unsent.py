@@ -17,10 +17,9 @@ from hil.links.address import parse_address
 from hil.links.contract import Counters, Message, Protocol, ThrusterCommand, ThrusterLink, Wire
 from hil.links.line_rate import line_speed
 from hil.links.protocols import open_protocol
-from hil.links.wires import faults
-from hil.links.wires.faults import Faults, FaultyWire
+from hil.links.wires.faults import Faults
 from hil.links.wires.net import TcpHostWire, TcpWire
-from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
+from hil.links.wires.terminal import PtyWire, UartWire
 from hil.links.wires.text_can_bus import SlcanWire
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import open_driver
@@ -138,42 +137,6 @@ def test_a_held_command_is_sent_once(link: ThrusterLink) -> None:
     wire_of(link).drain()
     link.tick(now_ns() + NS_PER_S)
     assert wire_of(link).transmitted == b"\x01\x03"
-
-
-def test_a_slow_line_counts_its_unsent_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [1_000 * NS_PER_S]
-    monkeypatch.setattr(faults, "now_ns", lambda: now[0])
-    device = PtyWire()
-    slow = Faults(baud=9600, direction="sent")
-    with contextlib.closing(device), contextlib.closing(FaultyWire(PtyHostWire(device.path), slow)) as wire:
-        wire.write(bytes(96))  # three pieces of 33.3 ms
-        assert wire.unsent() == 96
-        now[0] += 40 * NS_PER_S // 1000
-        assert wire.unsent() == 64
-        wire.discard_unsent()
-        assert wire.unsent() == 32, "the piece that is being sent"
-        now[0] += 30 * NS_PER_S // 1000
-        assert wire.unsent() == 0, "the rest of 33 ms"
-
-
-def test_delayed_bytes_do_not_count_as_unsent() -> None:
-    device = PtyWire()
-    with (
-        contextlib.closing(device),
-        contextlib.closing(FaultyWire(PtyHostWire(device.path), Faults(delay=5.0))) as wire,
-    ):
-        wire.write(bytes(64))
-        assert wire.unsent() == 0
-
-
-def test_a_stalled_line_sends_nothing_and_loses_discarded_bytes() -> None:
-    device = PtyWire()
-    stalled = Faults(stall=1.0, stall_time=10.0, direction="sent")
-    with contextlib.closing(device), contextlib.closing(FaultyWire(PtyHostWire(device.path), stalled)) as wire:
-        wire.write(bytes(64))
-        assert wire.unsent() == 64
-        wire.discard_unsent()
-        assert wire.unsent() == 0
 
 
 def test_the_queue_of_a_serial_device_is_read_and_discarded(monkeypatch: pytest.MonkeyPatch) -> None:

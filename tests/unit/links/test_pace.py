@@ -222,3 +222,108 @@ def test_lost_reports_do_not_stop_the_thrusters() -> None:
             sent.append(now)
     assert max(later - earlier for earlier, later in pairwise(sent)) < 100 * NS_PER_MS
     assert len(pace._flight) <= MOST
+
+
+def drive(pace: EchoPace, answered: int, trip_ms: int = 5, each: int = 1, start_ms: int = 0) -> int:
+    """Offer a command every 20 ms for half a second, and answer the first of them; return the time (ms) behind it."""
+    start_ms = start_ms or 10_000
+    if start_ms == 10_000:
+        pace.add_offered(start_ms * NS_PER_MS)
+    events = []
+    for number in range(answered):
+        at_ms = start_ms + 20 * number
+        events.append((at_ms, number, pace.add_sent))
+        if (number + 1) % each == 0:
+            events.append((at_ms + trip_ms, number, pace.add_answer))
+    for at_ms, number, act in sorted(events, key=lambda event: event[0]):
+        act(start_ms + number, at_ms * NS_PER_MS)
+    for number in range(1, 26):
+        pace.add_offered((start_ms + 20 * number) * NS_PER_MS)
+    return start_ms + 500
+
+
+@pytest.mark.parametrize(("watchdog_ms", "pause_ms"), [(1000, 150), (100, 75)])
+def test_two_commands_are_on_a_line_whose_rate_is_not_known(watchdog_ms: int, pause_ms: int) -> None:
+    pace = EchoPace(watchdog_ns=watchdog_ms * NS_PER_MS)
+
+    def due_ms(now_ms: int) -> int:
+        return pace.due_ns(now_ms * NS_PER_MS) // NS_PER_MS
+
+    pace.add_sent(1, 1000 * NS_PER_MS)
+    assert due_ms(1001) == 1001
+    pace.add_sent(2, 1010 * NS_PER_MS)
+    assert due_ms(1999) == 1010 + pause_ms
+    assert due_ms(2000) == 2000, "a line without telemetry"
+    pace.add_answer(9, 2020 * NS_PER_MS)  # of none of them
+    assert due_ms(2021) == 2020 + pause_ms
+    pace.add_answer(1, 2030 * NS_PER_MS)
+    assert due_ms(2031) == 2031
+
+
+@pytest.mark.parametrize(
+    ("answered", "rates", "slow"),
+    [
+        ([25, 20], [50, 40], [False, False]),
+        ([19, 19, 25, 25], [38, 38, 50, 50], [False, True, True, False]),
+        ([19, 25, 19, 25], [38, 50, 38, 50], [False] * 4),
+        ([10, 10, 0, 0, 0, 0, 0], [20, 20, 0, 0, 0, 0, 0], [False, True, True, True, True, True, False]),  # silent
+    ],
+)
+def test_a_line_is_slow_after_two_periods_below_eight_tenths(
+    answered: list[int], rates: list[float], slow: list[bool]
+) -> None:
+    pace, at_ms, found = EchoPace(), 0, []
+    for count in answered:
+        at_ms = drive(pace, count, start_ms=at_ms)
+        found.append((pace.rate, pace.is_slow))
+    assert found == list(zip(rates, slow, strict=True))
+
+
+def test_a_pause_of_this_process_is_not_measured() -> None:
+    pace = EchoPace()
+    end_ms = drive(pace, 20)
+    pace.add_offered((end_ms + 2000) * NS_PER_MS)
+    assert pace.rate == 40
+    pace.add_offered((end_ms + 3999) * NS_PER_MS)
+    assert pace.rate == 0
+
+
+@pytest.mark.parametrize(
+    ("trip_ms", "each", "window"), [(5, 1, 5), (60, 1, 5), (100, 1, 7), (100, 5, 11), (200, 1, 13)]
+)
+def test_the_window_is_what_the_line_carries_in_a_round_trip(trip_ms: int, each: int, window: int) -> None:
+    """Of 50 commands a second, a quarter more, and the commands that one report answers."""
+    pace = EchoPace()
+    end_ms = drive(pace, 25, trip_ms, each)
+    drive(pace, 25, trip_ms, each, end_ms)
+    for number in range(40):
+        now = (end_ms + 500 + number) * NS_PER_MS
+        if pace.due_ns(now) > now:
+            break
+        pace.add_sent(number, now)
+    assert len(pace._flight) == window
+
+
+def test_a_report_without_a_number_answers_the_oldest_command_that_is_not_forgotten() -> None:
+    pace = EchoPace(has_sequence=False, by_count=True)
+    for number, at_ms in enumerate((1000, 1100, 1200, 1201, 1202)):
+        pace.add_sent(number, at_ms * NS_PER_MS)
+    pace.add_answer(-1, 1600 * NS_PER_MS)  # the first is forgotten, the second is answered
+    assert [number for number, _ in pace._flight] == [2, 3, 4]
+    due = [pace.due_ns(at_ms * NS_PER_MS) // NS_PER_MS for at_ms in (2599, 2600, 2600)]
+    assert due == [1750, 1750, 2600], "two round trips of silence behind the last command: the others were lost"
+    numbered = EchoPace(has_sequence=True, by_count=True)
+    numbered.add_sent(1, NS_PER_S)
+    numbered.add_answer(-1, NS_PER_S + 1)
+    assert len(numbered._flight) == 1
+
+
+@pytest.mark.parametrize(
+    ("answered", "has_sequence", "by_count"), [(23, False, True), (22, False, False), (25, True, False)]
+)
+def test_a_report_for_each_command_is_found_out(answered: int, has_sequence: bool, by_count: bool) -> None:
+    pace = EchoPace(has_sequence)
+    end_ms = drive(pace, answered)
+    pace.add_sent(1, end_ms * NS_PER_MS)
+    pace.add_answer(-1, (end_ms + 1) * NS_PER_MS)
+    assert (not pace._flight) == by_count

@@ -1,8 +1,6 @@
 """DroneCAN on a shared bus: node numbers, foreign controllers, noise."""
 
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.dronecan.allocation import FOLLOWUP_TIMEOUT_NS, Allocator
-from hil.links.dronecan.types import Allocation
 from hil.links.wires.can_frame import unpack_frames
 from tests.support.links.can_bench import exchange, records
 from tests.support.links.dronecan_ends import NEUTRAL, PULSES, Board, device, host, report
@@ -43,42 +41,6 @@ def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
     assert (board.received[-1].armed, board.received[-1].pwm_us) == (False, NEUTRAL)
     for link in (board.host, board.end.link):
         assert (link.counters.malformed, link.counters.checksum_errors, link.counters.dropped_bytes) == (0, 0, 0)
-
-
-def ask(allocator: Allocator, unique_id: bytes, preferred: int = 0) -> int:
-    parts = [unique_id[:6], unique_id[6:12], unique_id[12:]]
-    answers = [allocator.answer(Allocation(preferred, not i, part)) for i, part in enumerate(parts)]
-    *first, last = answers
-    assert first == [Allocation(0, False, unique_id[:6]), Allocation(0, False, unique_id[:12])]
-    if last is None:
-        return 0
-    assert last.unique_id == unique_id
-    return last.node_id
-
-
-def test_the_allocator_gives_each_node_its_own_number() -> None:
-    allocator = Allocator()
-    allocator.see(125)
-    allocator.see(50)
-    uids = [bytes([number]) * 16 for number in range(1, 130)]
-    assert ask(allocator, uids[0]) == 124
-    assert ask(allocator, uids[1], 50) == 51
-    assert ask(allocator, uids[2], 124) == 123
-    assert ask(allocator, uids[0], 99) == 124, "the same node again"
-    rest = [ask(allocator, uid, 1) for uid in uids[3:]]
-    assert sorted(filter(None, rest)) == sorted(set(range(1, 126)) - {125, 50, 124, 51, 123})
-    assert rest[-1] == 0
-
-
-def test_the_allocator_discards_an_unfinished_exchange() -> None:
-    allocator = Allocator()
-    assert allocator.answer(Allocation(0, False, b"6bytes")) is None
-    assert allocator.answer(Allocation(0, True, b"short")) is None
-    assert allocator.answer(Allocation(0, True, b"abcdef"))
-    allocator.expire(1000)
-    assert allocator.due_ns == 1000 + FOLLOWUP_TIMEOUT_NS
-    allocator.expire(allocator.due_ns)
-    assert allocator.answer(Allocation(0, False, b"ghijkl")) is None
 
 
 def test_11_bit_frames_are_ignored() -> None:
