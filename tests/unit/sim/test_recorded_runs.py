@@ -1,0 +1,223 @@
+"""Runs of whole simulations give the recorded figures: every force, sensor and effect with its signs and constants.
+
+A change that is meant to alter a figure records it again: `python -m tests.unit.sim.test_recorded_runs`. Whether the
+figures are right is for the tests beside this one; these hold that no change alters them unseen.
+"""
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.environment.world import World, load_world
+from sim.native import SWITCH
+from sim.sensors.error import ErrorModel
+from sim.sensors.kinds import SENSORS
+from sim.sensors.mounting import Mounting
+from sim.sensors.sensor_set import SensorSpec, load_sensor
+from sim.simulation import Simulation
+from sim.tether import TetherKeys
+from sim.vehicle.failures import Failure
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.processes import ROOT
+from tests.unit.sim.vehicle.test_battery import vehicle_file
+
+RECORD = ROOT / "tests" / "vectors" / "sim_runs.json"
+STEP_NS, STEPS = 5_000_000, 240
+PICTURES = ("rgb", "port", "starboard", "intensities")
+EXACT = 6  # numbers that are recorded one by one; of more, their sums
+
+BAY = """
+name = "bay"
+source = "test"
+extent = [-60, 60, -60, 60]
+depth = 12
+current = [0.1, -0.2, 0.02]
+origin = [57.7, 11.9]
+magnetic_field = [50e-6, 1.2, 0.07]
+"""
+SEA = """
+[ocean.waves]
+significant_height = 0.6
+peak_period = 4.0
+direction = 0.6
+spread = 0.3
+components = 12
+[ocean.layers]
+depth = [0, 5, 12]
+north = [0.3, 0.1, 0.0]
+east = [0.0, 0.2, -0.1]
+[ocean.gauss_markov]
+sd = [0.05, 0.04, 0.01]
+time = 20
+[[ocean.tide]]
+constituent = "M2"
+amplitude = 0.3
+heading = 1.3
+phase = 0.4
+[ocean.profile]
+depth = [0, 4, 12]
+density = [1018.0, 1022.0, 1026.5]
+sound_speed = [1512.0, 1500.0, 1491.0]
+[wind]
+speed = 8.0
+direction = 2.0
+gusts = 0.2
+"""
+THINGS = """
+[terrain]
+kind = "sinusoid"
+depth = 11
+amplitude = 0.8
+wavelength = 9
+heading = 0.5
+resolution = 1.0
+[bottom]
+kind = "gravel"
+patches = 2.0
+[[cylinder]]
+north = 8
+east = 1
+radius = 0.7
+[[box]]
+north = 3
+east = -7
+size_north = 2
+size_east = 3
+heading = 0.4
+top = 5
+[[pipeline]]
+points = [[-20, 6], [0, 5], [20, 9]]
+diameter = 0.8
+[[shape]]
+kind = "pipe"
+north = 5
+east = 6
+length = 3
+orientation = [0, 0.2, 0.5]
+"""
+WORLDS = {"still": BAY, "sea": BAY + SEA, "things": BAY + THINGS, "all": BAY + SEA + THINGS}
+MOUNTED = Mounting((0.2, -0.1, 0.15), (0.03, -0.05, 0.2), latency=0.004, misalignment=0.01, jitter=0.003)
+DOWN = MOUNTED._replace(orientation=(0.05, -1.2, 0.1))
+PLACES = {"camera": DOWN, "altimeter": DOWN, "gps": MOUNTED._replace(position=(0.2, -0.1, -1.0))}
+ERRORS = ErrorModel(
+    offset=0.3, turn_on=0.2, bias=0.1, bias_time=0.5, noise=0.05, noise_density=0.01, scale=0.02, resolution=1e-4,
+    limit=1e9, flicker=0.05, noise_share=0.01, warm_up=0.2, warm_up_time=0.7, outliers=0.3, outlier=0.4,
+)  # fmt: skip
+FEWER: dict[str, dict[str, Any]] = {
+    "camera": {"rate": 2.0, "width": 40, "height": 30, "depth": True, "points": True},
+    "forward_sonar": {"rate": 2.0, "beams": 24, "rays": 12, "max_range": 20.0, "range_step": 0.1},
+    "side_scan": {"rate": 2.0, "slices": 2, "rays": 40, "max_range": 20.0, "range_step": 0.1},
+    "scanning_sonar": {"rate": 4.0, "bins": 60, "slices": 2, "rays": 12, "max_range": 20.0},
+    "laser": {"beams": 24}, "profiler": {"beams": 21, "beam_width": 0.03},
+    "gps": {"rate": 5.0, "acquisition": 0.3}, "usbl": {"rate": 5.0}, "battery": {"rate": 5.0}, "leak": {"rate": 5.0},
+    "pressure": {"error": ERRORS}, "magnetometer": {"error_xy": ERRORS, "error_z": ERRORS}, "dvl": {"velocity": ERRORS},
+}  # fmt: skip
+VEHICLES = ("bluerov2_heavy", "remus100", "tethys", "otter", "rexrov", "eca_a9", "lauv", "paper_seven", "heron")
+CASES = [
+    *[f"sensor/{name}/things" for name in SENSORS],
+    *[f"sensor/{name}/sea" for name in ("dvl", "gps", "pressure", "usbl", "current_meter", "dvl_water", "camera")],
+    *[f"vehicle/{name}/{world}" for name in VEHICLES for world in ("still", "sea")],
+    "failures/bluerov2_heavy/still", "tether/bluerov2/all", "collision/paper_six/things",
+]  # fmt: skip
+
+
+def make_world(folder: Path, name: str) -> World:
+    path = folder / f"{name}.toml"
+    path.write_text(WORLDS[name])
+    return load_world(str(path))
+
+
+def figures(name: str, value: Any) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of a sample's field: each, or of many their sums."""
+    if isinstance(value, bytes):
+        kind = np.float32 if name.endswith(("depth", "points")) else np.uint8
+        value = [float(x) for x in np.frombuffer(value, kind)]
+    if name.endswith(("latitude", "longitude")):
+        value %= 0.1  # so that a metre shows
+    if isinstance(value, (bool, int, float)):
+        yield name, float(value) if isfinite(value) else -1.0
+    elif hasattr(value, "_asdict"):
+        for key, part in value._asdict().items():
+            yield from figures(f"{name}.{key}", part)
+    elif isinstance(value, (tuple, list)):
+        numbers = [number for part in value for _, number in figures(name, part)]
+        if len(numbers) > EXACT:
+            ramp = np.linspace(1.0, 2.0, len(numbers))
+            numbers = [float(np.sum(numbers)), float(np.dot(numbers, ramp)), float(np.dot(np.square(numbers), ramp))]
+        yield from ((f"{name}.{index}", number) for index, number in enumerate(numbers))
+
+
+def run(case: str, folder: Path) -> dict[str, float]:
+    """Run a case in Python; return the figures of its last samples and of its end."""
+    what, subject, place = case.split("/")
+    name = "paper_six" if what == "sensor" else subject
+    if subject == "battery":
+        name = vehicle_file(folder)
+    vehicle, _ = load_vehicle(name)
+    options: dict[str, Any] = {"sensors": {}, "position": (0.5, -0.3, 5.0)}
+    if what == "sensor":
+        sensor = load_sensor(subject)
+        model = sensor.Model(**FEWER.get(subject, {}))
+        mounting = PLACES.get(subject, MOUNTED)
+        options["sensors"] = {subject: SensorSpec(sensor, model, mounting)}
+        options["position"] = (0.5, -0.3, 0.3 if subject == "gps" else 5.0)
+    elif name in ("otter", "heron") or (place == "sea" and name == "bluerov2_heavy"):
+        options["position"] = (0.5, -0.3, 0.05)
+    elif what == "failures":
+        keys = [{"kind": "efficiency", "efficiency": 0.4}, {"kind": "delayed", "delay": 0.3}, {"kind": "stuck"},
+                {"kind": "noisy", "noise": 0.3}, {"kind": "off"}]  # fmt: skip
+        rows = zip(vehicle.thrusters, keys, strict=False)
+        options["failures"] = [Failure(thruster.name, time=0.2, **row) for thruster, row in rows]  # type: ignore[arg-type]
+    elif what == "tether":
+        options["tether"] = TetherKeys(
+            9.0, (-3.0, 2.0, 0.0), (0.1, 0.0, 0.0), (-0.2, 0.05, -0.1), mass=0.06, segments=6
+        )
+    elif what == "collision":
+        options["position"] = (6.8, 1.1, 9.2)
+    simulation = Simulation(vehicle, make_world(folder, place), seed=5, dt_ns=STEP_NS, heading=0.3, **options)
+    simulation.state.nu = [0.6, 0.1, -0.05, 0.02, -0.03, 0.1]
+    samples, found = dict[str, Any](), dict[str, float]()
+    for step in range(STEPS):
+        swing = 60 if step < STEPS // 2 else -40
+        pulses = [1500 + swing * (1 if channel % 2 else 2) for channel in range(len(vehicle.channels))]
+        samples.update(simulation.step(pulses))
+    if what != "sensor":
+        samples.update(truth=simulation.truth(), forces=simulation.forces(), thrusts=simulation.thrusts)
+    if simulation.tether:
+        samples["nodes"], samples["tension"] = simulation.tether.nodes, simulation.tether.tension
+    samples["contacts"] = simulation.contacts
+    for topic, sample in samples.items():
+        found.update(figures(topic, sample))
+    return {key: float(f"{value:.9g}") for key, value in found.items()}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_run_gives_its_recorded_figures(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(SWITCH, "0")
+    recorded = json.loads(RECORD.read_text())[case]
+    shares = {
+        key: 1e-3 if set(key.split(".")) & set(PICTURES) else 1e-5 for key in recorded
+    }  # of bytes a few may be rounded
+    assert run(case, tmp_path) == {
+        key: pytest.approx(value, rel=shares[key], abs=1e-7) for key, value in recorded.items()
+    }
+
+
+def record() -> None:
+    """Write the figures of all cases."""
+    os.environ[SWITCH] = "0"
+    with tempfile.TemporaryDirectory() as name:
+        runs = {case: run(case, Path(name)) for case in CASES}
+    rows = ",\n".join(f"{json.dumps(case)}: {json.dumps(own)}" for case, own in runs.items())
+    RECORD.write_text(f"{{\n{rows}\n}}\n")
+
+
+if __name__ == "__main__":
+    record()
