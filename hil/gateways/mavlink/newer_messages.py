@@ -16,7 +16,6 @@ class ProtocolVersion(dialect.MAVLink_message):  # type: ignore[misc]  # pymavli
 
     def __init__(self) -> None:
         super().__init__(self.id, self.name)
-        self._fieldnames: list[str] = []
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
         """Return the packet. `force_mavlink1` is refused by pymavlink for such an id."""

@@ -216,6 +216,8 @@ class Partner:
 
     def _on_message(self, packet: bytes, message: Any) -> None:
         self.packets.append(packet)
+        if getattr(message, "target_system", 0) > 1:  # 0: for everybody, 1: for a test that speaks as the vehicle
+            assert (message.target_system, message.target_component) == (self._system, 190)
         decoded = self._in.unpack(packet)
         self.received += decoded or [message]  # what pymavlink does not know yet is taken as it was
 

@@ -233,6 +233,7 @@ def test_channels_are_sticks_and_outputs(channels: dict[int, int], changed: dict
     assert held.override(packet, SENDER, 0, LASTS_NS, is_stale=True) is None
     assert held.override(packet, SENDER, 0, LASTS_NS) == changed
     assert held.sticks(0) == pytest.approx(sticks)
+    assert held.channels(0) == tuple(round(1500 + 400 * getattr(sticks, axis)) for axis in "mkzrxy")
     assert held.override(packet, OTHER, 0, LASTS_NS) is None
 
 

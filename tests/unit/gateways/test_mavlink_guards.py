@@ -126,6 +126,11 @@ def test_a_mode_begins_without_the_target_and_the_holds_of_the_one_before() -> N
     bench.core.set_mode(Mode.ALT_HOLD)
     bench.run(2.0, bench.partner.sticks)
     assert bench.vehicle.depth == pytest.approx(6.0, abs=0.2), "it holds the depth of now"
+    bench.core.set_mode(Mode.SURFACE)
+    begun = bench.vehicle.heading
+    bench.vehicle.heading += 0.3
+    bench.run(3.0)
+    assert bench.vehicle.heading == pytest.approx(begun, abs=0.1), "the heading is that at the change of the mode"
 
 
 HOLD, PLACE = Target((1.0, 0.0, 4.0), None, None, is_hold=True), Target((1.0, 0.0, 4.0))

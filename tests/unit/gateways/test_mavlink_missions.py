@@ -76,7 +76,8 @@ def test_a_mission_is_flown_item_by_item() -> None:
     assert abs(bench.vehicle.north) < 0.6
     assert abs(bench.vehicle.depth - 0.2) < 0.5
     assert "mission complete" in bench.partner.texts()
-    assert bench.partner.take_messages("MISSION_CURRENT")[-1].mission_state == COMPLETE
+    current = bench.partner.take_messages("MISSION_CURRENT")[-1]
+    assert (current.mission_state, current.seq, current.total) == (COMPLETE, 5, 5)
 
 
 def test_auto_mode_needs_a_mission() -> None:

@@ -121,7 +121,9 @@ def test_only_logs_can_be_read(tmp_path: Path) -> None:
     (tmp_path / "logs" / "link").symlink_to(tmp_path / "secret")
     bench = Bench(folder=str(tmp_path / "logs"))
     assert _ftp(bench, ftp.LIST, b"/\0")[0][3] == b"D@PARAM\0Dlogs\0"
-    assert b"Frun.mcap\t1024\0" in _ftp(bench, ftp.LIST, b"/logs\0")[0][3]
+    (tmp_path / "logs" / "old").mkdir()
+    (tmp_path / "logs" / "lost").symlink_to(tmp_path / "nothing")
+    assert _ftp(bench, ftp.LIST, b"/logs\0")[0][3] == b"Flink\t1\0S\0Dold\0Frun.mcap\t1024\0"
     ((_, session, _, _),) = _ftp(bench, ftp.OPEN_READ, b"/logs/run.mcap\0")
     assert _ftp(bench, ftp.READ, session=session, offset=1000, size=239)[0][3] == bytes(range(256))[1000 % 256 :]
     with (tmp_path / "logs" / "large.mcap").open("wb") as large:

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.client.samples import State
 from hil.gateways.mavlink.protocols.streams import number_of
 from hil.gateways.mavlink.snapshot import Context, Echo, Origin, Snapshot
-from hil.gateways.mavlink.telemetry import BUILDERS
+from hil.gateways.mavlink.telemetry import BUILDERS, status_text
 from hil.ros.joints import MotorState
 from sim.geodesy import TangentPlane
 from sim.rotations import from_euler, rotate
@@ -171,6 +171,8 @@ def test_each_field_has_its_value(name: str, fields: dict[str, Any]) -> None:
 
 
 BARE = Snapshot(VEHICLE.state)
+HERE_NED = VEHICLE.state.position
+ALMOST_NORTH = State(0, HERE_NED, from_euler(0.0, 0.0, -1e-6), (1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 NOWHERE = AROUND._replace(origin=None, plane=None, target=None, ready=False)
 
 
@@ -183,7 +185,8 @@ NOWHERE = AROUND._replace(origin=None, plane=None, target=None, ready=False)
         ("VFR_HUD", {"throttle": 0}),
         ("ALTITUDE", {"bottom_clearance": nan}),
         ("POWER_STATUS", {"flags": 0}),
-        ("GPS_RAW_INT", {"fix_type": 0, "lat": 0, "vel": 0xFFFF, "eph": 0xFFFF}),
+        ("GPS_RAW_INT", dict.fromkeys(("fix_type", "lat", "lon", "alt", "satellites_visible"), 0)
+         | dict.fromkeys(("vel", "cog", "eph", "epv"), 0xFFFF)),
         (
             "SYS_STATUS",
             {"voltage_battery": 0, "current_battery": -1, "battery_remaining": -1, "load": 0,
@@ -228,7 +231,11 @@ def test_a_message_without_contents_is_not_sent(name: str) -> None:
              & ~dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS, "load": 1000},
         ),
         ("GPS_RAW_INT", {"fix": FIX._replace(fix=False)}, {"fix_type": 1, "lat": 0, "h_acc": 0}),
-        ("VFR_HUD", {"pulses": (1500, 2100)}, {"throttle": 100}),
+        ("VFR_HUD", {"pulses": (1500, 2100)}, {"throttle": 100}), ("VFR_HUD", {"pulses": (0, 1499)}, {"throttle": 0}),
+        ("GPS_RAW_INT", {"state": State(0, HERE_NED, ATTITUDE, (900.0, *NU[1:]))}, {"vel": 0xFFFE}),
+        ("GPS_RAW_INT", {"state": ALMOST_NORTH}, {"cog": 0}),
+        ("GLOBAL_POSITION_INT", {"state": ALMOST_NORTH}, {"hdg": 0}),
+        ("VFR_HUD", {"state": ALMOST_NORTH}, {"heading": 0, "climb": 0.0, "groundspeed": 1.0}),
     ],
 )  # fmt: skip
 def test_limits_and_faults_are_shown(name: str, change: dict[str, Any], fields: dict[str, Any]) -> None:
@@ -240,7 +247,17 @@ def test_values_of_the_panel_are_named() -> None:
     check(row, NOW | {"name": "Turns", "value": 2.5})
 
 
-def test_currents_of_motors_have_no_sign() -> None:
-    (found,) = message("ESC_TELEMETRY_1_TO_4", VEHICLE._replace(motors=(MotorState(1300, -100.0, -2.0),)))
-    check(found, {"rpm": [955, 0, 0, 0], "voltage": [1480, 0, 0, 0], "current": [200, 0, 0, 0], "count": [0] * 4,
+@pytest.mark.parametrize(("battery", "volts"), [(BATTERY, 1480), (None, 0)])
+def test_currents_of_motors_have_no_sign(battery: BatterySample | None, volts: int) -> None:
+    motors = (MotorState(1300, -100.0, -2.0),)
+    (found,) = message("ESC_TELEMETRY_1_TO_4", VEHICLE._replace(battery=battery, motors=motors))
+    check(found, {"rpm": [955, 0, 0, 0], "voltage": [volts, 0, 0, 0], "current": [200, 0, 0, 0], "count": [0] * 4,
                   "temperature": [0] * 4, "totalcurrent": [0] * 4})  # fmt: skip
+
+
+@pytest.mark.parametrize(("size", "parts"), [(0, [0]), (50, [50]), (51, [50, 1]), (100, [50, 50, 0])])
+def test_a_long_text_is_sent_in_parts_of_which_the_last_is_not_full(size: int, parts: list[int]) -> None:
+    found = status_text(4, "x" * size, 7)
+    assert [(len(part.text), part.severity, part.id, part.chunk_seq) for part in found] == [
+        (length, 4, 7 * (len(parts) > 1), at) for at, length in enumerate(parts)
+    ]

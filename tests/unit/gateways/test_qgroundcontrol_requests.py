@@ -7,11 +7,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.schema import preset_folder
+from hil.gateways.mavlink import assembly
 from hil.gateways.mavlink.assembly import defaults_of, motors_of
 from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, REAL32, expand
 from hil.gateways.mavlink.snapshot import ThrusterTest
 from hil.scenario.config import load_scenario
 from hil.scenario.mavlink_records import Mavlink
+from sim.vehicle.vehicle import load_vehicle
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, UNSUPPORTED
 from tests.support.clients.mavlink_vehicle import Bench
 
@@ -94,6 +96,26 @@ def test_frame_motors_and_system_id_follow_from_the_scenario(tmp_path: Path) -> 
     assert defaults_of(load_scenario("paper_field"))["SERVO7_FUNCTION"] == 0.0, "six thrusters"
     assert defaults_of(scenario)["SYSID_THISMAV"] == 2.0, "ArduSub is 1"
     assert defaults_of(scenario._replace(controller="builtin"))["SYSID_THISMAV"] == 1.0
+    assert defaults_of(scenario)["BATT_MONITOR"] == 0.0
+    assert defaults_of(scenario._replace(vehicle=str(own)))["BATT_MONITOR"] == 4.0
+
+
+def test_full_sticks_are_four_fifths_of_what_the_thrusters_do_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the weaker direction of each; three thrusters ahead, to port and down, 0.5 m from the middle."""
+    vehicle, table = load_vehicle("bluerov2_heavy_t200")
+    rows = [((0.0, 0.5, 0.0), (1.0, 0.0, 0.0), 50.0, 40.0), ((0.5, 0.0, 0.0), (0.0, -1.0, 0.0), 20.0, 30.0),
+            ((0.0, 0.5, 0.0), (0.0, 0.0, 1.0), 60.0, 60.0)]  # fmt: skip
+    thrusters = tuple(
+        vehicle.thrusters[0]._replace(position=at, direction=to, max_forward=ahead, max_reverse=astern)
+        for at, to, ahead, astern in rows
+    )
+    monkeypatch.setattr(assembly, "load_vehicle", lambda _: (vehicle._replace(thrusters=thrusters), table))
+    defaults = defaults_of(load_scenario("ardusub"))
+    assert {name: value for name, value in defaults.items() if name[:7] in ("HIL_FOR", "HIL_MOM", "HIL_THR")} == {
+        "HIL_THRUST": 20.0, "HIL_FORCE_X": 32.0, "HIL_FORCE_Y": 16.0, "HIL_FORCE_Z": 48.0,
+        "HIL_MOMENT_K": 24.0, "HIL_MOMENT_M": 0.0, "HIL_MOMENT_N": 24.0,
+    }  # fmt: skip
+    assert [name for name in defaults if name.startswith("SERVO")] == [f"SERVO{n}_FUNCTION" for n in range(4, 9)]
 
 
 def test_a_parameter_takes_effect_or_says_that_it_does_not() -> None:

@@ -128,6 +128,9 @@ def test_a_length_field_too_small_for_the_longest_message_is_refused(tmp_path: P
     text = COUNTED.replace('"length", type = "u16"', '"length"').replace('"u32" }]', f'"u32" }}{padding}]', 1)
     with pytest.raises(ConfigError, match="length must hold 261, which u8 cannot"):
         protocol(tmp_path, text)
+    padding = '{ name = "length", type = "i8", adds = 64 }' + ', { name = "pad", type = "u32" }' * 16
+    with pytest.raises(ConfigError, match="fields: length must hold 128, which i8 cannot"):
+        protocol(tmp_path, FIXED.replace('{ name = "pad" }', padding, 1))
 
 
 def test_messages_with_different_channel_counts_are_refused(tmp_path: Path) -> None:

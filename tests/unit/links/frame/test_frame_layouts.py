@@ -6,6 +6,8 @@ import pytest
 
 from hil.common.errors import ConfigError
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from hil.links.frame.ends import KeepAlive
+from hil.links.frame.layout import Other
 from hil.links.frame.protocol import FrameProtocol
 from hil.links.protocols import Role
 
@@ -208,3 +210,30 @@ def test_a_mistake_in_a_message_is_reported(tmp_path: Path, old: str, new: str, 
     with pytest.raises(ConfigError) as caught:
         lab(tmp_path, text.replace(old, new, 1), "host")
     assert all(word in str(caught.value) for word in messages), caught.value
+
+
+@pytest.mark.parametrize(
+    ("pulse", "reported", "found"),
+    [(799, 0, 5), (800, 800, 5), (2200, 2200, 5), (2201, 0, 5), (1600, 1500, 4), (1600, 1601, 0)],
+)
+def test_a_report_without_a_number_answers_the_command_with_its_pulses(
+    tmp_path: Path, pulse: int, reported: int, found: int
+) -> None:
+    text = frame_file(PULSES)
+    host, device = lab(tmp_path, text, "host"), lab(tmp_path, text, "device")
+    for sequence, armed in ((4, False), (5, True)):
+        host.encode(ThrusterCommand(sequence, armed, (pulse,)))
+    (report,) = host.feed(device.encode(ThrusterTelemetry(0, True, False, (reported,), 0, 0, 0, 0)))
+    assert report.sequence == found
+
+
+@pytest.mark.parametrize("when_silent", [True, False])
+def test_a_keep_alive_keeps_its_schedule_unless_it_was_late(when_silent: bool) -> None:
+    """Its period is 20 ms while nothing else is sent, or 10 ms; a command goes out at 20, 40 and 50 ms."""
+    beat = KeepAlive(Other(period=0.02 if when_silent else 0.01, when_silent=when_silent), b"beat")
+    times_ms, found = (0, 5, 10, 20, 35, 40, 50, 60, 75, 85, 95, 105, 115, 125, 160, 168, 170), []
+    for now_ms in times_ms:
+        data = beat.tick(now_ms * 1_000_000)
+        found += [now_ms] if data == b"beat" else []
+        beat.is_needless |= now_ms in (20, 40, 50)
+    assert found == ([0, 20, 40, 75, 95, 115, 160] if when_silent else [t for t in times_ms if t not in (5, 168)])
