@@ -1,0 +1,193 @@
+"""Functions give the recorded values for a table of arguments, as tests/unit/sim/test_recorded_runs.py for whole runs.
+
+`python -m tests.unit.sim.test_recorded_values` records them again.
+"""
+
+import json
+import tempfile
+from array import array
+from collections.abc import Callable, Iterator
+from itertools import product
+from math import cos, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.autonomy.control.allocation import pseudo_inverse
+from sim.dynamics import State
+from sim.environment.bottom import Bottom
+from sim.environment.ocean import Profile
+from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
+from sim.environment.seawater.absorption import francois_garrison
+from sim.environment.seawater.water_column import WaterColumn
+from sim.environment.shallows import distance_to_shallows
+from sim.environment.terrain import Terrain, covering
+from sim.environment.texture import Texture
+from sim.environment.things.shapes import KINDS, parse_shapes, place_shapes
+from sim.environment.world import load_world
+from sim.modems.acoustic import AcousticChannel, AcousticModem
+from sim.modems.sound import ambient_noise, paths, thorp_absorption, transmission_loss
+from sim.modems.usbl import UsblRounds
+from sim.rays import solids
+from sim.rays.scene import RayScene
+from sim.rotations import from_euler, matrix
+from sim.sensors.error import ErrorModel
+from sim.sensors.sensor_set import SensorSpec, load_sensor
+from sim.sensors.variances import error_variances
+from sim.vehicle.terminal_speed import axis_capabilities
+from sim.vehicle.thrusters.bank import wrench_matrix
+from sim.vehicle.thrusters.t200 import performance, pulse_for
+from sim.vehicle.urdf.importer import read_urdf
+from sim.vehicle.urdf.writer import urdf_of
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.processes import ROOT
+from tests.unit.sim.test_recorded_runs import BAY, SEA, THINGS, figures
+
+RECORD = ROOT / "tests" / "vectors" / "sim_values.json"
+PROFILE = Profile((0.0, 10.0, 40.0, 100.0), (1018.0, 1022.0, 1026.5, 1027.0), (1512.0, 1500.0, 1485.0, 1492.0))
+EXTENT = (-20.0, 20.0, -15.0, 25.0)
+RELIEFS = (
+    Slope(9.0, 0.3, 0.4, 1.0, -2.0), Step(9.0, 2.0, 1.2, 1.0, 2.0), Ridge(9.0, 3.0, 4.0, -0.7, 2.0, 1.0),
+    Sinusoid(9.0, 1.5, 7.0, 0.9), Fractal(9.0, 1.2, seed=3),
+)  # fmt: skip
+PLACES = [(1.3, -2.2), (-14.8, 11.1), (19.0, 24.5), (40.0, 3.0), (-3.7, 60.0)]
+VEHICLES = ("paper_seven", "bluerov2_heavy", "remus100", "otter", "heron", "tethys", "eca_a9", "rexrov")
+NS = 1_000_000_000
+
+
+def reliefs(_: Path) -> Iterator[Any]:
+    for rule in RELIEFS:
+        grid = covering(EXTENT, rule.resolution)
+        terrain = Terrain(grid, rule.depths(grid), 8.0)
+        for north, east in PLACES:
+            yield terrain.depth(north, east), terrain.gradient(north, east)
+            yield terrain.normal(north, east), terrain.shallowest(north, east, 3.0)
+            for depth, within in ((7.6, 30.0), (8.9, 4.0)):
+                yield distance_to_shallows(terrain, north, east, depth, within)
+
+
+def textures(_: Path) -> Iterator[Any]:
+    north, east = np.meshgrid(np.arange(0.0, 9.0, 0.7), np.arange(-4.0, 4.0, 0.9))
+    for kind in ("mud", "sand", "gravel", "rock"):
+        texture = Texture(Bottom(kind, ripple_height=0.05, ripple_length=0.4, ripple_heading=0.3))
+        for footprint in (0.01, 0.1, 0.8):
+            yield from (list(map(float, part.ravel())) for part in texture.sample(north, east, footprint))
+
+
+def shapes(_: Path) -> Iterator[Any]:
+    for kind in KINDS:
+        for more in ({}, {"orientation": [0.2, -0.1, 0.7], "scale": 1.3, "echo": 2.0}):
+            for mesh in place_shapes(
+                parse_shapes([{"kind": kind, "north": 3, "east": -2, **more}], ""), lambda *_: 9.0
+            ):
+                yield list(mesh.triangles), list(mesh.rotation), (mesh.radius, mesh.top, mesh.bottom), mesh.net or ()
+                yield mesh.keys.colour, mesh.keys.echo
+
+
+def sea_water(_: Path) -> Iterator[Any]:
+    for frequency, warmth, salt, depth in product((30e3, 4e5), (2.0, 25.0), (5.0, 35.0), (5.0, 900.0)):
+        yield francois_garrison(frequency, warmth, salt, depth)
+    for frequency, wind in product((900.0, 28e3), (2.0, 12.0)):
+        yield thorp_absorption(frequency), transmission_loss(700.0, frequency, 1.4), ambient_noise(frequency, wind, 0.3)
+    yield [tuple(path) for path in paths(90.0, 4.0, 9.0, 20.0, 3)]
+    column = WaterColumn(PROFILE, 9.81)
+    for depth in (0.0, 3.0, 25.0, 40.0, 150.0):
+        yield column.density(depth), column.sound_speed(depth), column.pressure(depth)
+    rays = column.rays(80.0)
+    assert rays
+    for level, start, end in product((0.0, 30.0, 400.0, 3000.0), (1.0, 20.0, 70.0), (2.0, 20.0, 60.0)):
+        yield rays.between(level, start, end) or (-1.0,)
+
+
+def modems(_: Path) -> Iterator[Any]:
+    """A USBL asks two vehicles, and all talk at once at times."""
+    modem = AcousticModem(bounces=2)
+    places = {"ship": (0.0, 0.0, 2.0), "one": (120.0, -40.0, 18.0), "two": (-300.0, 500.0, 35.0)}
+    for column in (None, WaterColumn(PROFILE, 9.81)):
+        channel = AcousticChannel(modem, 50.0, 4, column)
+        angle = ErrorModel(noise=0.01, offset=0.02)
+        rounds = UsblRounds(channel, ["ship"], ["ship", "one", "two"], 2 * NS, angle, modem.range_error, 3)
+        for step in range(200):
+            now = step * NS // 10
+            rounds.ask(now, places)
+            if step % 23 == 0:
+                channel.send(now, "two", b"a longer message", places)
+                channel.send(now, "one", b"x" * (70 if step == 46 else 9), places)
+            others, fixes = rounds.take(now, channel.receive(now), places)
+            for other in others:
+                yield [value for value in other if isinstance(value, (int, float))]
+            yield from ((fix.sent_ns, *fix.offset, *fix.covariance) for fix in fixes)
+        yield [channel.counts[name] for name in sorted(channel.counts)]
+
+
+def rays(folder: Path) -> Iterator[Any]:
+    """Rays in Python, through a world with obstacles, relief, a pipeline, a mesh and solids that are added."""
+    (folder / "w.toml").write_text(BAY + THINGS)
+    scene = RayScene(load_world(str(folder / "w.toml")))
+    scene.add(solids.sphere((4.0, 3.0, 4.0), 1.2))
+    scene.add(solids.cylinder((-4.0, 2.0, 6.0), 0.8, 1.5, matrix(from_euler(0.3, 0.5, 0.1))))
+    scene.add(solids.box((-2.0, -5.0, 5.0), (1.0, 2.0, 1.5), matrix(from_euler(0.1, -0.4, 0.7))))
+    scene.add(solids.hull(load_vehicle("remus100")[0]), State((2.0, -3.0, 5.0), from_euler(0.1, 0.2, 1.0)))
+    fan = [(0.19 * k, -1.4 + 0.071 * k) for k in range(40)]
+    directions = array("d", [x for a, b in fan for x in (cos(a) * cos(b), sin(a) * cos(b), sin(b))])
+    for origin in ((0.0, 0.0, 5.0), (6.0, 3.0, 2.0), (2.0, -6.0, 9.0)):
+        for turn in (from_euler(0.0, 0.0, 0.0), from_euler(0.4, 0.9, -2.0)):
+            hits = scene.hits(origin, directions, 25.0, matrix(turn))
+            yield list(hits.distances), list(hits.objects), list(hits.points), list(hits.normals)
+        boxes = scene.boxes(origin, 15.0)
+        yield [part.ravel().tolist() for part in boxes]
+
+
+def vehicles(folder: Path) -> Iterator[Any]:
+    for name in VEHICLES:
+        vehicle, _ = load_vehicle(name)
+        yield axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], 1025.0, 9.81)
+        path = folder / f"{name}.urdf"
+        path.write_text(urdf_of(vehicle, "a/"))
+        yield read_urdf(str(path))[0]
+    yield read_urdf(str(ROOT / "tests" / "vectors" / "hydra.urdf"))[0]
+    for pulse, volts in product((1100, 1300, 1490, 1520, 1700, 1900), (11.0, 14.8, 20.0)):
+        yield performance(pulse, volts), pulse_for(performance(pulse, volts).thrust, volts)
+
+
+def sensor_errors(folder: Path) -> Iterator[Any]:
+    (folder / "w.toml").write_text(BAY + SEA)
+    world = load_world(str(folder / "w.toml"))
+    for name in ("imu", "ahrs", "odometry", "magnetometer", "pressure", "altimeter", "echosounder", "dvl_water"):
+        sensor = load_sensor(name)
+        keys = [key for key, value in sensor.Model()._asdict().items() if isinstance(value, ErrorModel)]
+        errors = dict.fromkeys(keys, ErrorModel(0.1, 0.2, 0.05, 20.0, 0.03, 0.01, 0.02))
+        for model in (sensor.Model(), sensor.Model(**errors)):
+            found = error_variances({name: SensorSpec(sensor, model)}, world)
+            yield [x for row in found.values() for x in row]
+
+
+TABLES: list[Callable[[Path], Iterator[Any]]] = [
+    reliefs, textures, shapes, sea_water, modems, rays, vehicles, sensor_errors,
+]  # fmt: skip
+
+
+def values(table: Callable[[Path], Iterator[Any]], folder: Path) -> list[float]:
+    found = [number for row in table(folder) for _, number in figures("", row)]
+    return [float(f"{value:.9g}") for value in found]
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_functions_give_their_recorded_values(
+    table: Callable[[Path], Iterator[Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
+    assert values(table, tmp_path) == pytest.approx(json.loads(RECORD.read_text())[table.__name__], rel=1e-6, abs=1e-8)
+
+
+def record() -> None:
+    """Write the values of all tables."""
+    with tempfile.TemporaryDirectory() as name:
+        rows = ",\n".join(f'"{table.__name__}": {json.dumps(values(table, Path(name)))}' for table in TABLES)
+    RECORD.write_text(f"{{\n{rows}\n}}\n")
+
+
+if __name__ == "__main__":
+    record()
