@@ -10,7 +10,7 @@ from hil.common.schema import parse
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 from hil.links.wires.faults import Faults, Tally
 from hil.links.wires.timer import Timer
-from tests.support.links.faulty_wires import Clock, can_pair, cross, instant_pair
+from tests.support.links.faulty_wires import can_pair, cross, instant_pair
 from tests.support.links.link_contract import EVERY_BYTE, records, wait_readable
 
 CHUNKS = [number.to_bytes(2, "big") * 8 for number in range(2000)]
@@ -109,21 +109,6 @@ class TestDamagedBytes:
 
 
 class TestLostWire:
-    def test_a_link_disconnects_and_returns(self, opened: ExitStack, clock: Clock) -> None:
-        far, near = instant_pair(opened, Faults(disconnect=1.0, disconnect_time=0.1))
-        near.write(b"cut")
-        near.faults = near.faults._replace(disconnect=0.0)
-        near.write(b"lost")
-        far.write(b"lost too")
-        assert near.read() == b""
-        assert far.read() == b""
-        clock.advance(0.1)
-        near.write(b"back")
-        far.write(b"and here")
-        assert far.read() == b"back"
-        assert near.read() == b"and here"
-        assert (near.sent.disconnects, near.sent.lost, near.received.lost) == (1, 2, 1)
-
     def test_a_device_can_be_unplugged_and_plugged_in_again(self, opened: ExitStack) -> None:
         far, near = instant_pair(opened)
         assert not wait_readable(near, 0)

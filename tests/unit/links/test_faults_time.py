@@ -103,21 +103,6 @@ def test_the_wire_wakes_its_reader_only_when_bytes_are_due(opened: ExitStack) ->
     assert not wait_readable(near, 0)
 
 
-def test_a_stall_holds_bytes_for_its_time(opened: ExitStack, clock: Clock) -> None:
-    far, near = instant_pair(opened, Faults(stall=1.0, stall_time=0.1))
-    near.write(b"stood")
-    near.faults = Faults()
-    near.write(b"behind")
-    assert far.read() == b""
-    clock.advance(0.09)
-    near.read()
-    assert far.read() == b""
-    clock.advance(0.01)
-    near.read()
-    assert far.read() == b"stoodbehind"
-    assert near.sent.stalls == 1
-
-
 def test_a_timer_is_early_by_the_latency_that_it_learns() -> None:
     """What is due within the latency of a wake-up counts as due; each wake-up changes the latency by 2 us."""
     timer, at = Timer(), 10**12

@@ -90,11 +90,6 @@ def test_every_pulse_width_survives_a_round_trip(command: str, full_erpm: float)
     assert (master.counters.malformed, end.counters.malformed) == (0, 0)
 
 
-def test_unrepresentable_pulses_become_the_nearest_value() -> None:
-    (received,) = exchange(host(), ThrusterCommand(1, True, (0, 800, 2200, 1901, 65535, 1099)), device())
-    assert received == ThrusterCommand(0, True, (0, 1100, 1900, 1900, 0, 1100))
-
-
 def test_a_command_is_complete_with_one_frame_a_controller() -> None:
     end = device(3)
     assert end.feed(frame_record(0, 1, 100_000)) == []
@@ -199,18 +194,6 @@ def test_controllers_commanded_by_rpm_are_read_by_rpm() -> None:
     assert cast("ThrusterTelemetry", received).pwm_us == (1700,)
     (received,) = host(1).feed(frame_record(9, 1, pack(">ihh", 12_250, 30, 617)))
     assert cast("ThrusterTelemetry", received).pwm_us == (1747,)
-
-
-def test_a_lost_status_never_combines_two_reports() -> None:
-    for lost in range(6):
-        end, master = device(), host()
-        reported: list[tuple[int, ...]] = []
-        for count in range(5):
-            cut = frames(end.encode(report((1600 + count,) * 6)))
-            if count == 2:
-                del cut[lost]
-            reported += [message.pwm_us for message in master.feed(records(cut))]
-        assert reported == [(1600 + count,) * 6 for count in (0, 1, 3, 4)]
 
 
 def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
