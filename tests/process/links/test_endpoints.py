@@ -1,17 +1,19 @@
 """Endpoints on sockets and lines: who is served, who makes room, what is dropped, and what is opened again."""
 
+import argparse
 import errno
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any, cast
 
 import pytest
 
 from hil.common.clock import NS_PER_S
 from hil.common.errors import DeviceError, NetworkError
-from hil.links.endpoints.lines import WAITING, LineLink
-from hil.links.endpoints.patient import PatientLink
+from hil.links.endpoints.lines import WAITING, LineLink, SerialLink, UartPtyLink
+from hil.links.endpoints.patient import PatientLink, open_endpoint
 from hil.links.endpoints.sockets import (
     HEARTBEATS_NS,
     MAX_PARTNERS,
@@ -21,7 +23,9 @@ from hil.links.endpoints.sockets import (
     TcpIn,
     TcpOut,
     UdpIn,
+    UdpOut,
 )
+from hil.links.options import add_link
 from tests.support.processes import wait_for
 
 HOST, FIRST = "127.0.0.1", b"\xfd\xfe"
@@ -247,3 +251,89 @@ def test_a_line_loses_whole_messages_and_changes_its_speed_when_all_is_sent() ->
     line.is_lost = False
     line.send("", b"four")
     assert line.is_lost
+
+
+def test_a_host_that_is_silent_is_looked_up_again(stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
+    there = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    there.bind((HOST, 0))
+    there.settimeout(60.0)
+    port, address, asked = there.getsockname()[1], HOST, list[str]()
+
+    def look_up(host: str, port: int, **_: Any) -> list[Any]:
+        asked.append(host)
+        return [(socket.AF_INET, socket.SOCK_DGRAM, 0, "", (address, port))]
+
+    monkeypatch.setattr(socket, "getaddrinfo", look_up)
+    named, numbered = UdpOut("board", port), UdpOut(HOST, port)
+    for link in (named, numbered):
+        stack.callback(link.close)
+        assert link.partners() == [(HOST, port)]
+        assert (link.receive(3), len(link.descriptors()), link.is_local((HOST, port))) == ([], 1, True)
+        link.tick(3 + SILENT_NS)
+        link.send((HOST, port), b"out")
+        data, sender = there.recvfrom(9)
+        there.sendto(b"back", sender)
+        assert data == b"out"
+        assert wait_for(lambda: link.receive(5) == [((HOST, port), b"back")])  # noqa: B023
+        for now in (5 + SILENT_NS, 6 + SILENT_NS, 7 + SILENT_NS):
+            link.tick(now)
+            assert wait_for(lambda: len(asked) == 2 + (link is named and now > 5 + SILENT_NS) or link is numbered)  # noqa: B023
+    assert asked == ["board", HOST, "board"]
+    assert not named.is_lost
+    address = "127.0.0.2"
+    named.tick(7 + 2 * SILENT_NS)
+    assert wait_for(lambda: named.is_lost)
+    there.close()
+    for _ in range(3):
+        numbered.send((HOST, port), b"to nobody")
+    assert not numbered.is_lost, "it may be started yet"
+    numbered.close()
+    numbered.send((HOST, port), b"x")
+    assert numbered.is_lost
+
+
+@pytest.mark.parametrize(("baud", "burst"), [(57_600, 300), (921_600, 921)])
+def test_a_line_is_opened_by_its_name_and_paced(tmp_path: Path, stack: ExitStack, baud: int, burst: int) -> None:
+    path = str(tmp_path / "line")
+    link = open_endpoint("pty", path, baud, print)
+    stack.callback(link.close)
+    assert wait_for(lambda: not link.tick(0) and bool(link.partners()))
+    program = SerialLink(path, baud)
+    stack.callback(program.close)
+    assert (link.name, link.burst, program.burst) == (f"pty:{path}:{baud}", burst, burst)
+    program.send("", b"in")
+    assert wait_for(lambda: link.receive(0) == [(path, b"in")])
+    link.send("", b"out")
+    assert wait_for(lambda: not link.receive(0) and program.receive(0) == [(path, b"out")])
+    assert (link.is_local(path), len(link.descriptors())) == (True, 1)
+
+
+def test_a_program_at_another_speed_reads_rubbish(tmp_path: Path, stack: ExitStack) -> None:
+    path = str(tmp_path / "line")
+    line = UartPtyLink(path, 9600, b"U")
+    program = SerialLink(path, 19_200)
+    for link in (program, line):
+        stack.callback(link.close)
+    for data, arrives, baud in ((b"\x00", b"\xf8", 9600), (b"Ux", b"Ux", 19_200)):
+        program.send("", data)
+        assert wait_for(lambda: line.receive(0) == [(path, arrives)])  # noqa: B023
+        assert line._line.faults.baud == baud
+    line.set_baud(38_400)
+    assert line._line.faults.baud == 38_400
+    line.send("", b"\x00")
+    assert wait_for(lambda: not line.receive(0) and program.receive(0) == [(path, b"\xf8")])
+    program.set_baud(38_400)
+    line.send("", b"\x00")
+    assert wait_for(lambda: not line.receive(0) and program.receive(0) == [(path, b"\x00")])
+
+
+def test_the_options_of_a_link_have_their_defaults() -> None:
+    parser = argparse.ArgumentParser()
+    add_link(parser, "pty:")
+    assert vars(parser.parse_args([])) == {
+        "port": "pty:", "protocol": "frame", "frame": "uuv_hil", "option": [], "baud": 115_200, "bitrate": 1_000_000,
+        "channels": 6,
+    }  # fmt: skip
+    given = ["--port", "/dev/x", "--option", "a=1", "--option", "b=2", "--baud", "9600", "--channels", "16"]
+    options = parser.parse_args(given)
+    assert (options.port, options.option, options.baud, options.channels) == ("/dev/x", ["a=1", "b=2"], 9600, 16)
