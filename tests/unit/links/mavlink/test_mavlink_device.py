@@ -130,3 +130,29 @@ def test_a_packet_that_comes_late_is_refused(armed: Ground) -> None:
         armed.exchange(packets[number])
     assert armed.board.pwm_us == [1603] * 4
     assert armed.board.stm32.refused == 2
+
+
+@pytest.mark.parametrize(
+    ("system", "component", "taken"),
+    [(1, 1, True), (0, 0, True), (0, 1, True), (1, 0, True), (2, 1, False), (1, 2, False)],
+)
+def test_commands_for_others_are_ignored(armed: Ground, system: int, component: int, taken: bool) -> None:
+    override = dialect.MAVLink_rc_channels_override_message(system, component, 1700, *[0xFFFF] * 17)
+    assert bool(armed.exchange(armed.pack(override))) == taken
+    assert armed.board.pwm_us == [1700 if taken else 1500] + [1500] * 3
+    disarm = armed.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, system=system, component=component)
+    assert bool(armed.exchange(disarm)) == taken
+    assert armed.board.stm32.armed != taken
+
+
+def test_channels_are_overridden_released_or_left() -> None:
+    """The first eight are released by 0, the others by 65534; 0 leaves those as they are."""
+    ground = Ground(channels=10)
+    ground.exchange(ground.arm())
+    ground.exchange(Peer(1, 191).servos([1600] * 10))
+    for peer, port in ((Peer(2, 191), 0), (Peer(1, 192), 1)):
+        assert ground.exchange(peer.servos([1800] * 10, port)) == []
+    channels = [0, 0xFFFF, 1700, 0xFFFE, 0xFFFF, 0xFFFF, 0xFFFF, 0, 0, 0xFFFE]
+    override = dialect.MAVLink_rc_channels_override_message(1, 1, *channels, *[0] * 8)
+    ground.exchange(ground.pack(override))
+    assert ground.board.pwm_us == [1500, 1600, 1700, 0, 1600, 1600, 1600, 1500, 1600, 1500]
