@@ -255,7 +255,9 @@ def test_currents_of_motors_have_no_sign(battery: BatterySample | None, volts: i
                   "temperature": [0] * 4, "totalcurrent": [0] * 4})  # fmt: skip
 
 
-@pytest.mark.parametrize(("size", "parts"), [(0, [0]), (50, [50]), (51, [50, 1]), (100, [50, 50, 0])])
+@pytest.mark.parametrize(
+    ("size", "parts"), [(0, [0]), (50, [50]), (51, [50, 1]), (99, [50, 49]), (149, [50, 50, 49]), (150, [50] * 3 + [0])]
+)
 def test_a_long_text_is_sent_in_parts_of_which_the_last_is_not_full(size: int, parts: list[int]) -> None:
     found = status_text(4, "x" * size, 7)
     assert [(len(part.text), part.severity, part.id, part.chunk_seq) for part in found] == [
