@@ -126,15 +126,13 @@ class Commands:
         return self._core.set_mode(mode)
 
     def _set_home(self, request: CommandRequest, _: int) -> int:
-        core, (latitude, longitude, altitude) = self._core, request.params[4:]
+        core, (latitude, longitude) = self._core, request.params[4:6]
         if request.params[0] == 1.0:
             if core.snapshot is None:
                 return REJECTED
             north, east, _depth = core.snapshot.state.position
             core.set_home((north, east, 0.0))
             return ACCEPTED
-        if not all(isfinite(value) for value in (latitude, longitude, altitude)):
-            return DENIED
         core.set_home(earth_position(latitude * 1e7, longitude * 1e7, 0.0, core.origin))
         return ACCEPTED
 

@@ -86,16 +86,14 @@ class _Session:
 
     __slots__ = ("begun_ns", "payload", "toggle", "transfer_id")
 
-    def __init__(self) -> None:
-        self.transfer_id = 0  # of the present transfer, or of the next one
-        self.toggle = 0
-        self.payload: bytes | None = None  # received so far; None before the first frame
+    def __init__(self, transfer_id: int) -> None:
         self.begun_ns = 0
+        self.reset(transfer_id)
 
     def reset(self, transfer_id: int) -> None:
-        self.transfer_id = transfer_id
+        self.transfer_id = transfer_id  # of the present transfer, or of the next one
         self.toggle = 0
-        self.payload = None
+        self.payload: bytes | None = None  # received so far; None before the first frame
 
 
 class Receiver:
@@ -152,8 +150,7 @@ class Receiver:
         """Return the session of a frame, reset if the specification requires it."""
         session = self._sessions.get(descriptor)
         if session is None:
-            session = self._sessions[descriptor] = _Session()
-            session.reset(tail & TRANSFER_ID)
+            session = self._sessions[descriptor] = _Session(tail & TRANSFER_ID)
             return session
         # Neither the expected transfer nor the one before it.
         is_new = tail & START and session.transfer_id - tail & TRANSFER_ID > 1

@@ -74,7 +74,5 @@ def _samples(data: bytes, ratio: float) -> Iterator[int]:
     while 0 in levels[at:]:
         start = levels.index(0, at)
         middles = [int(start + (bit + 1.5) * ratio) for bit in range(9)]
-        if middles[-1] >= len(levels):
-            return
         yield sum(levels[middle] << bit for bit, middle in enumerate(middles[:8]))
-        at = levels.index(1, middles[-1]) if 1 in levels[middles[-1] :] else len(levels)
+        at = levels.index(1, middles[-1])

@@ -9,10 +9,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.samples import State
 from hil.common.clock import NS_PER_S
-from hil.gateways.mavlink.core import MAX_COMPLAINTS
+from hil.gateways.mavlink.core import MAX_COMPLAINTS, Core
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.flight.targets import Target, TargetError, attitude_target, earth_position, global_target
 from hil.gateways.mavlink.snapshot import NEUTRAL, Origin
+from hil.scenario.mavlink_records import Mavlink
 from sim.sensors.extra_samples import BatterySample, FixSample
 from tests.support.clients.mavlink_vehicle import ORIGIN, Bench
 
@@ -332,6 +333,9 @@ def test_home_is_where_it_was_first_seen_and_the_origin_is_set_once() -> None:
     bench = Bench(origin=None)
     assert bench.core.home == (0.0, 0.0, 0.0)
     bench.vehicle.north, bench.vehicle.east = 30.0, 40.0
+    later = Core(bench.vehicle, Mavlink(), bench.table, None, 0)
+    later.tick(1)
+    assert later.home == (30.0, 40.0, 0.0)
     fix = FixSample(0, 45.0, 10.0, 7.0, (1.0, 1.0), False)
     snapshot = bench.vehicle.snapshot()
     assert snapshot

@@ -103,7 +103,7 @@ def test_frame_motors_and_system_id_follow_from_the_scenario(tmp_path: Path) -> 
 def test_full_sticks_are_four_fifths_of_what_the_thrusters_do_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the weaker direction of each; three thrusters ahead, to port and down, 0.5 m from the middle."""
     vehicle, table = load_vehicle("bluerov2_heavy_t200")
-    rows = [((0.0, 0.5, 0.0), (1.0, 0.0, 0.0), 50.0, 40.0), ((0.5, 0.0, 0.0), (0.0, -1.0, 0.0), 20.0, 30.0),
+    rows = [((0.0, 0.5, 0.0), (1.0, 0.0, 0.0), 50.0, 40.07), ((0.5, 0.0, 0.0), (0.0, -1.0, 0.0), 20.0, 30.0),
             ((0.0, 0.5, 0.0), (0.0, 0.0, 1.0), 60.0, 60.0)]  # fmt: skip
     thrusters = tuple(
         vehicle.thrusters[0]._replace(position=at, direction=to, max_forward=ahead, max_reverse=astern)
@@ -112,7 +112,7 @@ def test_full_sticks_are_four_fifths_of_what_the_thrusters_do_together(monkeypat
     monkeypatch.setattr(assembly, "load_vehicle", lambda _: (vehicle._replace(thrusters=thrusters), table))
     defaults = defaults_of(load_scenario("ardusub"))
     assert {name: value for name, value in defaults.items() if name[:7] in ("HIL_FOR", "HIL_MOM", "HIL_THR")} == {
-        "HIL_THRUST": 20.0, "HIL_FORCE_X": 32.0, "HIL_FORCE_Y": 16.0, "HIL_FORCE_Z": 48.0,
+        "HIL_THRUST": 20.0, "HIL_FORCE_X": 32.1, "HIL_FORCE_Y": 16.0, "HIL_FORCE_Z": 48.0,
         "HIL_MOMENT_K": 24.0, "HIL_MOMENT_M": 0.0, "HIL_MOMENT_N": 24.0,
     }  # fmt: skip
     assert [name for name in defaults if name.startswith("SERVO")] == [f"SERVO{n}_FUNCTION" for n in range(4, 9)]
