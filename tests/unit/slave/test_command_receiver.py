@@ -4,7 +4,7 @@ import select
 import time
 from collections import deque
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 
@@ -13,6 +13,7 @@ from hil.common.clock import to_wall_ns
 from hil.network.clock_offset import ClockOffset
 from hil.ros import encoders as ros
 from hil.ros.commands import encode_number
+from hil.ros.diagnostics import Diagnostics
 from hil.slave import command_receiver as module
 from hil.slave.command_receiver import AgeFilter, CommandReceiver, decode_velocity
 
@@ -105,10 +106,10 @@ def test_the_newest_command_applies(command_receiver: CommandReceiver) -> None:
 
 def test_a_command_that_is_not_read_in_time_is_dropped(command_receiver: CommandReceiver, clock: Clock) -> None:
     deliver(command_receiver, 1)
-    clock.wait(99)
+    clock.wait(100)
     assert command_receiver.take_latest() is not None
     deliver(command_receiver, 2)
-    clock.wait(101)  # longer than its limit
+    clock.wait(100 + 1 / MS)  # longer than its limit
     assert command_receiver.take_latest() is None
     assert command_receiver.stale == 1
 
@@ -258,6 +259,7 @@ def test_refused_senders_do_not_displace_the_masters_state(command_receiver: Com
         clock.wait(50)
     for number in range(200):
         assert not clock.deliver(command_receiver, 1, number.to_bytes(16, "big"))
+    assert len(command_receiver._senders) == 1
     assert not clock.deliver(command_receiver, 5, age_ms=1700)
     assert (command_receiver.disordered, command_receiver.stale) == (1, 0)
 
@@ -269,14 +271,40 @@ def test_many_earlier_masters_do_not_displace_a_masters_state(command_receiver: 
         clock.wait(HOLD_MS + 1)
         assert clock.deliver(command_receiver, 1, number.to_bytes(16, "big"))
         assert clock.deliver(command_receiver, 8 + number)
+    assert len(command_receiver._senders) == module._MAX_SENDERS
     assert not clock.deliver(command_receiver, 100)
     assert command_receiver.disordered == 1
 
 
-def test_out_of_order_and_repeated_commands_are_dropped(command_receiver: CommandReceiver) -> None:
-    for sequence in (5, 4, 5):
-        deliver(command_receiver, sequence)
-    assert command_receiver.disordered == 2
+COUNTED = [  # sequence, sender, age (ms), wait before it (ms), and what it adds to the counters besides `received`
+    ([(5, GID, 0, 0)], {}),
+    ([(5, GID, 0, 0), (6, GID, 0, 0)], {"superseded": 1}),
+    ([(5, GID, 0, 0), (4, GID, 0, 0), (5, GID, 0, 0)], {"disordered": 2}),
+    ([(5, GID, 0, 0), (1, OTHER, 0, HOLD_MS)], {"refused": 1}),
+    ([(5, GID, 0, 0), (1, OTHER, 0, HOLD_MS + 1 / MS)], {"superseded": 1}),
+    ([(5, GID, 100, 0)], {}),
+    ([(5, GID, 100 + 1 / MS, 0), (5, GID, 0, 0)], {"stale": 1, "disordered": 0}),
+]
+
+
+@pytest.mark.parametrize(("commands", "counted"), COUNTED)
+def test_each_command_is_counted_once(
+    command_receiver: CommandReceiver, clock: Clock, commands: list[tuple[int, bytes, float, float]], counted: Any
+) -> None:
+    """The limits of age and silence are exact: by a nanosecond on either side."""
+    now = to_wall_ns(clock.now_ns)
+    for sender in (GID, OTHER):
+        command_receiver.clocks[sender] = exact = ClockOffset()
+        exact.add(now, now, now, now)
+    for sequence, sender, age_ms, wait_ms in commands:
+        clock.wait(wait_ms)
+        deliver(command_receiver, sequence, age_ms=age_ms, gid=sender)
+    figures = Diagnostics()
+    command_receiver.add_figures(figures)
+    names = ("malformed", "stale", "disordered", "superseded", "refused", "flooded")
+    found = {name: figures[f"commands_{name}"] for name in names}
+    assert found == dict.fromkeys(names, 0) | counted
+    assert (figures.commands_received, figures.thrusters) == (len(commands), 0)
 
 
 def test_each_sender_has_its_own_sequence_count(command_receiver: CommandReceiver) -> None:
@@ -307,7 +335,7 @@ def test_malformed_commands_are_counted(command_receiver: CommandReceiver, paylo
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_velocity_that_no_vehicle_reaches_is_malformed(axis: int, side: float) -> None:
     fine, absurd = [0.0] * 6, [0.0] * 6
-    fine[axis], absurd[axis] = side * 99.0, side * 101.0
+    fine[axis], absurd[axis] = side * 100.0, side * 100.001
     for speeds, is_command in ((fine, True), (absurd, False)):
         twist = ros.encode_twist(speeds[:3], speeds[3:])
         assert (decode_velocity(twist) is not None) is is_command

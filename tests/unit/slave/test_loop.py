@@ -144,8 +144,8 @@ def test_the_figures_tell_how_late_the_loop_is(vehicle: Vehicle, monkeypatch: py
     schedule.due_total, schedule.skipped = 3900, 60
     for late_ms in [0.1] * 990 + [1.0] * 9 + [30.0]:
         schedule.lateness.add(round(late_ms * NS_PER_MS))
-    loop.started_ns = 5
-    monkeypatch.setattr("hil.slave.loop.now_ns", lambda: 5 + wall_ns)
+    loop.started_ns = 3 * NS_PER_S
+    monkeypatch.setattr("hil.slave.loop.now_ns", lambda: 3 * NS_PER_S + wall_ns)
     loop.add_figures(figures)
     assert (figures.loop_rate_hz, figures.steps_skipped) == (400.0, 60)
     assert figures.real_time_factor == pytest.approx(0.975)
