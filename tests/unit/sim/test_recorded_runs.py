@@ -24,6 +24,7 @@ from sim.sensors.sensor_set import SensorSpec, load_sensor
 from sim.simulation import Simulation
 from sim.tether import TetherKeys
 from sim.vehicle.failures import Failure
+from sim.vehicle.thrusters.model import Azimuth
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.processes import ROOT
 from tests.unit.sim.vehicle.test_battery import vehicle_file
@@ -33,75 +34,7 @@ STEP_NS, STEPS = 5_000_000, 240
 PICTURES = ("rgb", "port", "starboard", "intensities")
 EXACT = 6  # numbers that are recorded one by one; of more, their sums
 
-BAY = """
-name = "bay"
-source = "test"
-extent = [-60, 60, -60, 60]
-depth = 12
-current = [0.1, -0.2, 0.02]
-origin = [57.7, 11.9]
-magnetic_field = [50e-6, 1.2, 0.07]
-"""
-SEA = """
-[ocean.waves]
-significant_height = 0.6
-peak_period = 4.0
-direction = 0.6
-spread = 0.3
-components = 12
-[ocean.layers]
-depth = [0, 5, 12]
-north = [0.3, 0.1, 0.0]
-east = [0.0, 0.2, -0.1]
-[ocean.gauss_markov]
-sd = [0.05, 0.04, 0.01]
-time = 20
-[[ocean.tide]]
-constituent = "M2"
-amplitude = 0.3
-heading = 1.3
-phase = 0.4
-[ocean.profile]
-depth = [0, 4, 12]
-density = [1018.0, 1022.0, 1026.5]
-sound_speed = [1512.0, 1500.0, 1491.0]
-[wind]
-speed = 8.0
-direction = 2.0
-gusts = 0.2
-"""
-THINGS = """
-[terrain]
-kind = "sinusoid"
-depth = 11
-amplitude = 0.8
-wavelength = 9
-heading = 0.5
-resolution = 1.0
-[bottom]
-kind = "gravel"
-patches = 2.0
-[[cylinder]]
-north = 8
-east = 1
-radius = 0.7
-[[box]]
-north = 3
-east = -7
-size_north = 2
-size_east = 3
-heading = 0.4
-top = 5
-[[pipeline]]
-points = [[-20, 6], [0, 5], [20, 9]]
-diameter = 0.8
-[[shape]]
-kind = "pipe"
-north = 5
-east = 6
-length = 3
-orientation = [0, 0.2, 0.5]
-"""
+BAY, SEA, THINGS = ((ROOT / f"tests/vectors/sim_{name}.toml").read_text() for name in ("bay", "sea", "things"))
 WORLDS = {"still": BAY, "sea": BAY + SEA, "things": BAY + THINGS, "all": BAY + SEA + THINGS}
 MOUNTED = Mounting((0.2, -0.1, 0.15), (0.03, -0.05, 0.2), latency=0.004, misalignment=0.01, jitter=0.003)
 DOWN = MOUNTED._replace(orientation=(0.05, -1.2, 0.1))
@@ -119,7 +52,18 @@ FEWER: dict[str, dict[str, Any]] = {
     "gps": {"rate": 5.0, "acquisition": 0.3}, "usbl": {"rate": 5.0}, "battery": {"rate": 5.0}, "leak": {"rate": 5.0},
     "pressure": {"error": ERRORS}, "magnetometer": {"error_xy": ERRORS, "error_z": ERRORS}, "dvl": {"velocity": ERRORS},
 }  # fmt: skip
-VEHICLES = ("bluerov2_heavy", "remus100", "tethys", "otter", "rexrov", "eca_a9", "lauv", "paper_seven", "heron")
+VEHICLES = (
+    "bluerov2_heavy",
+    "remus100",
+    "tethys",
+    "otter",
+    "rexrov",
+    "eca_a9",
+    "lauv",
+    "paper_seven",
+    "heron",
+    "azimuth",
+)
 CASES = [
     *[f"sensor/{name}/things" for name in SENSORS],
     *[f"sensor/{name}/sea" for name in ("dvl", "gps", "pressure", "usbl", "current_meter", "dvl_water", "camera")],
@@ -160,7 +104,10 @@ def run(case: str, folder: Path) -> dict[str, float]:
     name = "paper_six" if what == "sensor" else subject
     if subject == "battery":
         name = vehicle_file(folder)
-    vehicle, _ = load_vehicle(name)
+    vehicle, _ = load_vehicle("otter" if name == "azimuth" else name)
+    if name == "azimuth":
+        turning = [one._replace(azimuth=Azimuth(1.5, rate=2.0), torque=0.02) for one in vehicle.thrusters]
+        vehicle = vehicle._replace(thrusters=tuple(turning))
     options: dict[str, Any] = {"sensors": {}, "position": (0.5, -0.3, 5.0)}
     if what == "sensor":
         sensor = load_sensor(subject)
@@ -168,7 +115,7 @@ def run(case: str, folder: Path) -> dict[str, float]:
         mounting = PLACES.get(subject, MOUNTED)
         options["sensors"] = {subject: SensorSpec(sensor, model, mounting)}
         options["position"] = (0.5, -0.3, 0.3 if subject == "gps" else 5.0)
-    elif name in ("otter", "heron") or (place == "sea" and name == "bluerov2_heavy"):
+    elif name in ("otter", "heron", "azimuth") or (place == "sea" and name == "bluerov2_heavy"):
         options["position"] = (0.5, -0.3, 0.05)
     elif what == "failures":
         keys = [{"kind": "efficiency", "efficiency": 0.4}, {"kind": "delayed", "delay": 0.3}, {"kind": "stuck"},

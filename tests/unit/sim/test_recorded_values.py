@@ -34,8 +34,13 @@ from sim.rays import solids
 from sim.rays.scene import RayScene
 from sim.rotations import from_euler, matrix
 from sim.sensors.error import ErrorModel
+from sim.sensors.imaging.fan_picture import render_fan
+from sim.sensors.imaging.range_image import RangeImageModel, RangeImager
+from sim.sensors.imaging.samples import SonarImageSample
+from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import SensorSpec, load_sensor
 from sim.sensors.variances import error_variances
+from sim.simulation import Simulation
 from sim.vehicle.terminal_speed import axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.thrusters.t200 import performance, pulse_for
@@ -164,8 +169,24 @@ def sensor_errors(folder: Path) -> Iterator[Any]:
             yield [x for row in found.values() for x in row]
 
 
+def sonar_pictures(folder: Path) -> Iterator[Any]:
+    (folder / "w.toml").write_text(BAY + THINGS)
+    scene = Simulation(load_vehicle("paper_six")[0], load_world(str(folder / "w.toml")), {}, position=(3.0, 1.0, 5.0))
+    imager = RangeImager(
+        RangeImageModel(width=24, height=12, min_range=2.0), Mounting((0.1, 0.0, 0.2), (0.0, -0.3, 0.1)), 1, scene
+    )
+    image = imager.sample(0, scene.state)
+    yield image.ranges.ravel().tolist(), image.strengths.ravel().tolist()
+    beams = tuple(-0.6 + 0.1 * k for k in range(13))
+    for encoding, kind in (("uint8", np.uint8), ("float32", np.float32)):
+        echoes = (np.arange(13 * 20).reshape(20, 13) % 97 + 1).astype(kind)
+        sample = SonarImageSample(0, beams, 20, 1.0, 0.3, 7e5, 1500.0, 0.02, 0.3, encoding, echoes.tobytes())  # type: ignore[arg-type]
+        picture = render_fan(sample, 60)
+        yield picture.shape, *(row.tolist() for row in picture[::9])
+
+
 TABLES: list[Callable[[Path], Iterator[Any]]] = [
-    reliefs, textures, shapes, sea_water, modems, rays, vehicles, sensor_errors,
+    reliefs, textures, shapes, sea_water, modems, rays, vehicles, sensor_errors, sonar_pictures,
 ]  # fmt: skip
 
 
