@@ -52,6 +52,25 @@ FEWER: dict[str, dict[str, Any]] = {
     "gps": {"rate": 5.0, "acquisition": 0.3}, "usbl": {"rate": 5.0}, "battery": {"rate": 5.0}, "leak": {"rate": 5.0},
     "pressure": {"error": ERRORS}, "magnetometer": {"error_xy": ERRORS, "error_z": ERRORS}, "dvl": {"velocity": ERRORS},
 }  # fmt: skip
+_LEVELS = {"temperature": 14.0, "salinity": 30.0, "sound_speed": 1490.0, "glint": 6.0, "volume_strength": -70.0,
+           "ringing": 0.4, "looks": 3.0, "tvg": 0.9, "gain": 15.0, "contrast": 0.6, "noise_grey": 0.2}  # fmt: skip
+OPTIONS: dict[str, dict[str, Any]] = {
+    "camera": {"distortion": (-0.2, 0.05, 0.002, -0.003, 0.01), "lamps": 300.0, "lamp_offset": 0.3, "snow": 900.0,
+               "lamp_shadows": True, "backscatter": 3.0, "exposure_time": 0.02, "readout_time": 0.03, "water": "7C",
+               "read_noise": 12.0, "vignetting": 0.7, "depth_noise": 0.01},
+    "forward_sonar": {**_LEVELS, "side_lobes": 15.0, "side_lobe_floor": 25.0, "error": ErrorModel(scale=0.02)},
+    "side_scan": {**_LEVELS, "depression": 0.6}, "scanning_sonar": {**_LEVELS, "rings": 3, "side_lobes": 16.0},
+    "profiler": {"rings": 2, "looks": 2.0, "error": ErrorModel(noise=0.02, scale=0.01)},
+    "imu": {"attitude": ERRORS, "acceleration": ERRORS, "angular_velocity": ERRORS, "heading": ERRORS,
+            "g_sensitivity": 0.01},
+    "usbl": {"station": (3.0, -5.0, 2.0), "assumed_speed": 1480.0, "range": ERRORS, "angle": ERRORS},
+    "gps": {"horizontal": ERRORS, "vertical": ERRORS}, "laser": {"error": ErrorModel(noise=0.05, scale=0.02)},
+    "dvl": {"tilt": 0.5, "range": ERRORS, "accuracy": ERRORS, "noise_range": 10.0},
+    "odometry": dict.fromkeys(("horizontal", "depth", "attitude", "velocity", "angular_velocity"), ERRORS),
+    "magnetometer": {"error_xy": ErrorModel(), "error_z": ErrorModel(), "hard_iron": (2e-6, -1e-6, 3e-6),
+                     "soft_iron": (1.1, 0.02, 0.0, 0.01, 0.9, 0.03, 0.0, 0.02, 1.05)},
+    "dvl_water": {"near": 0.8, "far": 2.0}, "ahrs": {"level_time": 0.5, "heading_time": 0.7, "acceleration": ERRORS},
+}  # fmt: skip
 VEHICLES = (
     "bluerov2_heavy",
     "remus100",
@@ -67,6 +86,7 @@ VEHICLES = (
 CASES = [
     *[f"sensor/{name}/things" for name in SENSORS],
     *[f"sensor/{name}/sea" for name in ("dvl", "gps", "pressure", "usbl", "current_meter", "dvl_water", "camera")],
+    *[f"options/{name}/all" for name in OPTIONS],
     *[f"vehicle/{name}/{world}" for name in VEHICLES for world in ("still", "sea")],
     "failures/bluerov2_heavy/still", "tether/bluerov2/all", "collision/paper_six/things",
 ]  # fmt: skip
@@ -101,7 +121,7 @@ def figures(name: str, value: Any) -> Iterator[tuple[str, float]]:
 def run(case: str, folder: Path) -> dict[str, float]:
     """Run a case in Python; return the figures of its last samples and of its end."""
     what, subject, place = case.split("/")
-    name = "paper_six" if what == "sensor" else subject
+    name = "paper_six" if what in ("sensor", "options") else subject
     if subject == "battery":
         name = vehicle_file(folder)
     vehicle, _ = load_vehicle("otter" if name == "azimuth" else name)
@@ -109,18 +129,19 @@ def run(case: str, folder: Path) -> dict[str, float]:
         turning = [one._replace(azimuth=Azimuth(1.5, rate=2.0), torque=0.02) for one in vehicle.thrusters]
         vehicle = vehicle._replace(thrusters=tuple(turning))
     options: dict[str, Any] = {"sensors": {}, "position": (0.5, -0.3, 5.0)}
-    if what == "sensor":
+    if what in ("sensor", "options"):
         sensor = load_sensor(subject)
-        model = sensor.Model(**FEWER.get(subject, {}))
+        keys = FEWER.get(subject, {}) | (OPTIONS[subject] if what == "options" else {})
+        model = sensor.Model(**keys)
         mounting = PLACES.get(subject, MOUNTED)
         options["sensors"] = {subject: SensorSpec(sensor, model, mounting)}
         options["position"] = (0.5, -0.3, 0.3 if subject == "gps" else 5.0)
     elif name in ("otter", "heron", "azimuth") or (place == "sea" and name == "bluerov2_heavy"):
         options["position"] = (0.5, -0.3, 0.05)
     elif what == "failures":
-        keys = [{"kind": "efficiency", "efficiency": 0.4}, {"kind": "delayed", "delay": 0.3}, {"kind": "stuck"},
+        failing = [{"kind": "efficiency", "efficiency": 0.4}, {"kind": "delayed", "delay": 0.3}, {"kind": "stuck"},
                 {"kind": "noisy", "noise": 0.3}, {"kind": "off"}]  # fmt: skip
-        rows = zip(vehicle.thrusters, keys, strict=False)
+        rows = zip(vehicle.thrusters, failing, strict=False)
         options["failures"] = [Failure(thruster.name, time=0.2, **row) for thruster, row in rows]  # type: ignore[arg-type]
     elif what == "tether":
         options["tether"] = TetherKeys(
@@ -135,7 +156,7 @@ def run(case: str, folder: Path) -> dict[str, float]:
         swing = 60 if step < STEPS // 2 else -40
         pulses = [1500 + swing * (1 if channel % 2 else 2) for channel in range(len(vehicle.channels))]
         samples.update(simulation.step(pulses))
-    if what != "sensor":
+    if what not in ("sensor", "options"):
         samples.update(truth=simulation.truth(), forces=simulation.forces(), thrusts=simulation.thrusts)
     if simulation.tether:
         samples["nodes"], samples["tension"] = simulation.tether.nodes, simulation.tether.tension
