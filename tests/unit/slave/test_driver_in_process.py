@@ -9,7 +9,6 @@ import pytest
 from hil.common.clock import now_ns
 from hil.common.errors import ConfigError
 from hil.links.contract import ThrusterCommand
-from hil.links.wires.faults import Faults
 from hil.scenario.config import load_scenario
 from hil.slave.drivers.driver import open_driver
 from hil.slave.drivers.ends import check_line_rate, end_protocol, host_end, with_faults
@@ -35,11 +34,10 @@ def test_the_applied_time_includes_reading_and_executing_the_command(kind: str) 
 
 def test_the_ends_of_a_link_have_its_options_and_faults_or_none() -> None:
     wire: Any = BenchLink()
-    link, wire.name = load_scenario("paper_field").link, "bench"
+    link = load_scenario("paper_field").link
     with pytest.raises(ConfigError, match=r"link: options: colour, size: .*frame"):
         end_protocol(link._replace(options={"colour": 1, "size": 2}), "host", 6)
     assert with_faults(wire, link, 1) is wire
-    assert with_faults(wire, link._replace(faults=Faults()), 1) is not wire
     with pytest.raises(ConfigError):
         host_end(wire, link._replace(protocol="no_such"), 6, 1)
     assert wire.closed, "an end that is not made holds no device"
