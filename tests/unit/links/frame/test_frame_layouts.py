@@ -57,6 +57,7 @@ def test_a_sequence_may_lie_between_length_and_id(tmp_path: Path) -> None:
     assert protocol.encode(report)[:-2].hex(" ") == "7b 02 c8 02 dc 05"
     data = protocol.encode(command) + protocol.encode(report)
     assert [m for i in range(len(data)) for m in protocol.feed(data[i : i + 1])] == [command, report]
+    assert protocol.echoes_sequence
     unknown = lab(tmp_path, text.replace("id = 2", "id = 9")).encode(report)
     assert protocol.feed(unknown) == []
     assert (protocol.counters.malformed, protocol.counters.dropped_bytes) == (1, 0)
@@ -224,7 +225,7 @@ def test_a_report_without_a_number_answers_the_command_with_its_pulses(
     for sequence, armed in ((4, False), (5, True)):
         host.encode(ThrusterCommand(sequence, armed, (pulse,)))
     (report,) = host.feed(device.encode(ThrusterTelemetry(0, True, False, (reported,), 0, 0, 0, 0)))
-    assert report.sequence == found
+    assert (report.sequence, host.echoes_sequence) == (found, False)
 
 
 @pytest.mark.parametrize("when_silent", [True, False])
