@@ -88,7 +88,7 @@ class Buttons:
 
     def _light(self, name: str, sign: float) -> None:
         """Change the lights by a step; with 0 up to full, and then off."""
-        accessories, step = self._core.accessories, 1.0 / max(1.0, self._core.table["JS_LIGHTS_STEPS"])
+        accessories, step = self._core.accessories, 1.0 / self._core.table["JS_LIGHTS_STEPS"]
         accessories.change(name, sign * step if sign else -1.0 if accessories.share(name) >= 1.0 else step)
 
     def _step(self, output: int, step: float) -> None:

@@ -297,7 +297,12 @@ def test_a_line_is_opened_by_its_name_and_paced(tmp_path: Path, stack: ExitStack
     path = str(tmp_path / "line")
     link = open_endpoint("pty", path, baud, print)
     stack.callback(link.close)
-    assert wait_for(lambda: not link.tick(0) and bool(link.partners()))
+
+    def is_open() -> bool:
+        link.tick(0)
+        return bool(link.partners())
+
+    assert wait_for(is_open)
     program = SerialLink(path, baud)
     stack.callback(program.close)
     assert (link.name, link.burst, program.burst) == (f"pty:{path}:{baud}", burst, burst)

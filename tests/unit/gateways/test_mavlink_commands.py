@@ -136,9 +136,9 @@ def test_the_camera_tilts_and_pans_by_both_commands(command: int, params: tuple[
 
 def test_the_interval_of_no_message_is_that_of_message_0() -> None:
     bench = Bench()
-    for number in (nan, 2.0**24 + 6.0, -5.0):
+    for number, answered in ((nan, 0), (2.0**24 + 6.0, 0), (-5.0, 0), (30, 30), (65_536 + 30, 30)):
         assert bench.partner.command(dialect.MAV_CMD_GET_MESSAGE_INTERVAL, number) == ACCEPTED
-        assert bench.partner.take_messages("MESSAGE_INTERVAL")[0].message_id == 0
+        assert bench.partner.take_messages("MESSAGE_INTERVAL")[0].message_id == answered
 
 
 @pytest.mark.parametrize(("mask", "tilt", "remarks"), [(0, 0.2, 1), (1 << 7, 0.2, 0), (0, 0.015, 0), (0, -0.2, 1)])

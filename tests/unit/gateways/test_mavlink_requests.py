@@ -175,7 +175,7 @@ def test_requests_of_scripts_do_what_they_mean_or_are_refused_in_words(name: str
 def test_sticks_and_targets_of_a_disarmed_vehicle_are_refused_in_words() -> None:
     bench = Bench()
     assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.GUIDED) == ACCEPTED
-    bench.partner.send(_override(c5=1900))
+    bench.partner.send(_override(c5=1900, c6=1900))
     bench.partner.send(_depth(-3.0))
     bench.run(4.0)
     for deflection in (0, 900, 900):  # centred sticks ask for nothing, the other ones are refused once a minute
@@ -184,6 +184,7 @@ def test_sticks_and_targets_of_a_disarmed_vehicle_are_refused_in_words() -> None
     texts = bench.partner.texts()
     assert texts.count("sticks move nothing: arm first") == 1
     assert "RC channels 1 to 6 move nothing: arm first" in texts
+    assert "RC channel 6 " not in texts
     assert "target: arm first" in texts
 
 
