@@ -26,7 +26,7 @@ a=rtpmap:96 H264/90000
 def test_a_ground_station_decodes_what_the_page_sends(tmp_path: Path) -> None:
     web, port = free_port(), free_port()
     (section,) = [block.text for block in blocks("toml", page=PAGE) if "network_camera" in block.text]
-    (command,) = [each.text.replace("\\\n", "") for each in blocks("text", page=PAGE) if "ffmpeg" in each.text]
+    (command,) = [each.text.replace("\\\n", "") for each in blocks("bash", page=PAGE) if "ffmpeg" in each.text]
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text() + section.replace("8080", str(web)) + "width = 320\nheight = 240\n")
     (tmp_path / "stream.sdp").write_text(SDP.format(port=port), encoding="ascii")
