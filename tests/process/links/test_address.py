@@ -59,6 +59,12 @@ def test_an_invalid_address_is_refused(text: str) -> None:
     assert str(caught.value).startswith(f"{text!r} is not the address of a wire; there are pty:/tmp/name, ")
 
 
+@pytest.mark.parametrize("text", ["/dev/ttyUSB0@9600", "rs485:/dev/ttyS1@9600", "can:slcan:/dev/ttyACM0@9600"])
+def test_a_speed_is_no_part_of_an_address(text: str) -> None:
+    with pytest.raises(ConfigError, match="set baud = 9600"):
+        parse_address(text)
+
+
 def test_a_named_pty_is_opened_at_both_ends(tmp_path: Path) -> None:
     address = f"pty:{tmp_path}/stm32"
     device = open_address(address, "device")

@@ -88,6 +88,11 @@ class TestSlcan:
         assert list(unpack_frames(received))[-1] == EXTENDED
         assert len(received) % 16 == 0
 
+    def test_identifiers_have_11_or_29_bits(self) -> None:
+        line = CannedLine([b"t8000\rT200000000\rt7FF0\rT1FFFFFFF0\r"])
+        frames = unpack_frames(SlcanWire(line).read())
+        assert [(frame.id, frame.extended) for frame in frames] == [(0x7FF, False), (0x1FFF_FFFF, True)]
+
     def test_a_timestamp_is_ignored(self) -> None:
         line = CannedLine([b"t7FF3010203A1B2\r"])
         assert list(unpack_frames(SlcanWire(line).read())) == [STANDARD]

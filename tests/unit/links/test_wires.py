@@ -20,6 +20,7 @@ from hil.links.contract import Counters, Wire
 from hil.links.wires.faults import Faults, FaultyWire
 from hil.links.wires.suspension import SuspendableWire
 from hil.links.wires.terminal import READ_SIZE, UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire, queued_bytes
+from hil.links.wires.virtual_bus import VirtualCanWire
 from tests.support.links.link_contract import PATIENCE_S, nothing_leaks, read_bytes, wait_readable
 
 
@@ -242,6 +243,13 @@ def test_bytes_that_waited_while_their_reader_was_suspended_are_discarded(
             faulty.faults = Faults()
             host.write(b"after")
             assert read_bytes(wire, 5) == b"after"
+
+
+def test_a_wire_around_a_bus_keeps_its_records_and_what_it_tells() -> None:
+    with closing(VirtualCanWire("records")) as bus, closing(SuspendableWire(FaultyWire(bus), 1, Counters())) as wire:
+        assert (wire.record_size, wire.name, wire.fault_counts()[0]["chunks"]) == (16, "can:virtual:records", 0)
+        assert wire.write(bytes(32)) == 32
+        assert wire.fault_counts()[0]["chunks"] == 2
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
