@@ -50,7 +50,6 @@ FEWER: dict[str, dict[str, Any]] = {
     "scanning_sonar": {"rate": 4.0, "bins": 60, "slices": 2, "rays": 12, "max_range": 20.0},
     "laser": {"beams": 24}, "profiler": {"beams": 21, "beam_width": 0.03},
     "gps": {"rate": 5.0, "acquisition": 0.3}, "usbl": {"rate": 5.0}, "battery": {"rate": 5.0}, "leak": {"rate": 5.0},
-    "pressure": {"error": ERRORS}, "magnetometer": {"error_xy": ERRORS, "error_z": ERRORS}, "dvl": {"velocity": ERRORS},
 }  # fmt: skip
 _LEVELS = {"temperature": 14.0, "salinity": 30.0, "sound_speed": 1490.0, "glint": 6.0, "volume_strength": -70.0,
            "ringing": 0.4, "looks": 3.0, "tvg": 0.9, "gain": 15.0, "contrast": 0.6, "noise_grey": 0.2}  # fmt: skip
@@ -65,11 +64,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
             "g_sensitivity": 0.01},
     "usbl": {"station": (3.0, -5.0, 2.0), "assumed_speed": 1480.0, "range": ERRORS, "angle": ERRORS},
     "gps": {"horizontal": ERRORS, "vertical": ERRORS}, "laser": {"error": ErrorModel(noise=0.05, scale=0.02)},
-    "dvl": {"tilt": 0.5, "range": ERRORS, "accuracy": ERRORS, "noise_range": 10.0},
+    "pressure": {"error": ERRORS},
+    "dvl": {"tilt": 0.5, "velocity": ERRORS, "range": ERRORS, "accuracy": ERRORS, "noise_range": 10.0},
     "odometry": dict.fromkeys(("horizontal", "depth", "attitude", "velocity", "angular_velocity"), ERRORS),
     "magnetometer": {"error_xy": ErrorModel(), "error_z": ErrorModel(), "hard_iron": (2e-6, -1e-6, 3e-6),
                      "soft_iron": (1.1, 0.02, 0.0, 0.01, 0.9, 0.03, 0.0, 0.02, 1.05)},
-    "dvl_water": {"near": 0.8, "far": 2.0}, "ahrs": {"level_time": 0.5, "heading_time": 0.7, "acceleration": ERRORS},
+    "altimeter": {"error": ERRORS}, "current_meter": {"velocity": ERRORS},
+    "dvl_water": {"near": 0.8, "far": 2.0, "velocity": ERRORS},
+    "ahrs": {"level_time": 0.5, "heading_time": 0.7, "acceleration": ERRORS},
 }  # fmt: skip
 VEHICLES = (
     "bluerov2_heavy",

@@ -10,7 +10,6 @@ from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns
 from hil.common.errors import DeviceError
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.drivers import driver as stm32
-from hil.slave.drivers.driver import PROCESS_END_S, WIRE_END_S, open_driver
 from hil.slave.drivers.ends import Ends
 from hil.slave.drivers.external import ExternalDriver
 from sim.run_events import PERIOD_NS
@@ -217,18 +216,3 @@ def test_a_lost_link_is_tried_until_it_opens_and_then_used(bench: Bench) -> None
     assert driver.host is cast(Any, bench.again)
     driver.close()
     assert bench.again.closed
-
-
-@pytest.mark.parametrize(("kind", "end_s"), [("python", WIRE_END_S), ("process", PROCESS_END_S)])
-def test_only_a_process_that_was_started_is_given_long_to_end(
-    monkeypatch: pytest.MonkeyPatch, kind: str, end_s: float
-) -> None:
-    class Made:
-        def __init__(self, *arguments: Any) -> None:
-            self.arguments = arguments
-
-    module, name, _ = stm32.DRIVERS[kind]
-    monkeypatch.setattr(f"{module}.{name}", Made)
-    link: Any = type("Link", (), {"watchdog": 0.25})
-    made: Any = open_driver(kind, link, 3, True, 1, print)
-    assert made.arguments[1:] == (3, NS_PER_S // 4, print, end_s)

@@ -102,9 +102,9 @@ def test_a_vehicle_commanded_to_depth_that_rises_has_surfaced(
     watched: Watched, command: VelocityCommand | PoseSetpoint
 ) -> None:
     watched.pilot.set_command(command, watched.simulation.time_ns)
-    watched.run(0.1)
-    watched.simulation.state.position = [4.0, 4.0, 0.05]
-    assert watched.run(0.1) == ["surfaced"]
+    for share, events in ((2.0, []), (0.6, []), (0.3, ["surfaced"])):  # of its height
+        watched.simulation.state.position = [4.0, 4.0, share * VEHICLE.dimensions[2]]
+        assert watched.run(0.1) == events
 
 
 def test_the_vehicle_file_sets_the_tilt_that_counts_as_capsized() -> None:

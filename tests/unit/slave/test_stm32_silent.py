@@ -141,7 +141,6 @@ def test_a_silent_or_lost_stm32_confirms_no_stop(monkeypatch: pytest.MonkeyPatch
 
 
 def test_neutral_is_repeated_until_it_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stm32, "REPEAT_NS", NS_PER_S // 100)
     monkeypatch.setattr(stm32, "CONFIRM_NS", 60 * NS_PER_S)
     bed, sent, times_ns = Bed(), list[ThrusterCommand](), list[int]()
     bed.driver.descriptors = []

@@ -209,16 +209,6 @@ def test_depth_noise_grows_with_the_square_of_depth() -> None:
         assert found.mean() == pytest.approx(height, abs=0.003)
 
 
-def test_the_same_seed_gives_the_same_picture_also_without_depth() -> None:
-    model = TRUE._replace(ground_truth=False, depth=False)
-    one, other, third = (camera(FLAT, model, seed=seed).sample(0, POSE) for seed in (3, 3, 4))
-    assert one == other
-    assert one.rgb != third.rgb
-    assert one.depth is None
-    assert one.labels is None
-    assert len(one.rgb) == 81 * 61 * 3
-
-
 def test_shading_follows_the_direction_of_a_face(monkeypatch: pytest.MonkeyPatch) -> None:
     """A face that looks up is 1 / 0.6 times as bright as a wall; from below the surface is bright."""
     monkeypatch.setattr(scenery, "SCALES", ((0.01, 0.0), (0.089, 0.0)))

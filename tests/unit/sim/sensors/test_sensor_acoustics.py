@@ -1,7 +1,6 @@
 """Altimeter, acoustic positions, current meter and water track."""
 
 from math import cos, dist, hypot, inf, isnan, radians
-from statistics import fmean, pstdev
 
 import numpy as np
 import pytest
@@ -56,15 +55,6 @@ def test_an_altimeter_measures_along_its_beam() -> None:
 def test_an_altimeter_without_an_echo_gives_no_altitude(depth: float, roll: float, expected: float) -> None:
     state = State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0))
     assert Altimeter(ALTIMETER, Mounting(), 1, scene(SEA)).sample(0, state).distance == pytest.approx(expected)
-
-
-def test_altimeter_errors_have_their_stated_size() -> None:
-    one = Altimeter(AltimeterModel(), Mounting(), 1, scene(SEA))
-    state = State((0.0, 0.0, 10.0))
-    assert pstdev(one.sample(i, state).distance for i in range(2000)) == pytest.approx(0.005, rel=0.06)
-    many = [Altimeter(AltimeterModel(), Mounting(), seed, scene(SEA)).sample(0, state).distance for seed in range(300)]
-    assert pstdev(many) == pytest.approx(10.0 * 0.005, rel=0.15)
-    assert fmean(many) == pytest.approx(10.0, abs=0.01)
 
 
 # --- USBL
@@ -170,15 +160,6 @@ def test_a_current_meter_measures_waves_at_its_position_and_nothing_in_air() -> 
     assert meter.sample(0, State((3.0, 4.0, -4.0))) is None
 
 
-def test_current_meter_errors_have_their_stated_size() -> None:
-    meter, state = CurrentMeter(CurrentMeterModel(), Mounting(), 2, scene(SEA)), State((0.0, 0.0, 5.0))
-    samples = [meter.sample(i, state) for i in range(2000)]
-    assert pstdev(sample.velocity[1] for sample in samples if sample) == pytest.approx(0.005, rel=0.06)
-    fast = State((0.0, 0.0, 5.0), nu=(-2.7, 0.0, 0.0, 0.0, 0.0, 0.0))  # 3 m/s past it, of which 1 % is 3 cm/s
-    many = [CurrentMeter(CurrentMeterModel(), Mounting(), seed, scene(SEA)).sample(0, fast) for seed in range(300)]
-    assert pstdev(sample.velocity[0] for sample in many if sample) == pytest.approx(0.0304, rel=0.15)
-
-
 TRACK = DvlWaterModel(velocity=EXACT, near=2.0, far=6.0)
 
 
@@ -214,12 +195,3 @@ def test_water_track_locks_within_its_limits(depth: float, roll: float, locked: 
     )
     assert sample.locked is locked
     assert all(isnan(x) is not locked for x in sample.velocity)
-
-
-def test_water_track_errors_have_their_stated_size() -> None:
-    track, state = DvlWater(DvlWaterModel(), Mounting(), 1, scene(SEA)), State((0.0, 0.0, 5.0), nu=NU)
-    samples = [track.sample(i, state).velocity for i in range(2000)]
-    for axis in range(3):
-        assert pstdev(sample[axis] for sample in samples) == pytest.approx(0.0035, rel=0.06)
-    assert fmean(sample[0] for sample in samples) == pytest.approx(0.8 - 0.3, abs=0.001)
-    assert fmean(sample[1] for sample in samples) == pytest.approx(-0.3 + 0.2, abs=0.001)

@@ -1,6 +1,5 @@
 """Battery monitor, leak detector and contact switch."""
 
-from statistics import fmean, pstdev
 from types import SimpleNamespace
 from typing import Any
 
@@ -47,23 +46,6 @@ def test_a_battery_monitor_measures_the_battery() -> None:
     assert samples[-1] == (2 * S, state.voltage, state.current, state.fraction * full, full, False)
     assert state.current > 10.0
     assert samples[0].charge - samples[1].charge == pytest.approx(state.current / 3600.0, rel=0.02)
-
-
-def test_battery_monitor_errors_have_their_stated_size() -> None:
-    """The noise, besides the scale error, is one step of the converter and the rounding to it, 1/12 of its square."""
-    scene = Simulation(with_battery(), POOL, {}, position=(0.0, 0.0, 1.0))
-    scene.step((1600,) * 6)
-    battery = scene.battery
-    assert battery is not None
-    monitor = BatteryMonitor(BatteryMonitorModel(), Mounting(), 1, scene)
-    volts = [monitor.sample(i, State()).voltage for i in range(2000)]
-    assert pstdev(volts) == pytest.approx(0.0089 * (13.0 / 12.0) ** 0.5, rel=0.06)
-    assert all(abs(v / 0.0089 - round(v / 0.0089)) < 1e-9 for v in volts)
-    seeds = range(300)
-    amperes = [BatteryMonitor(BatteryMonitorModel(), Mounting(), s, scene).sample(0, State()).current for s in seeds]
-    assert fmean(amperes) == pytest.approx(battery.current, rel=0.003)
-    size = ((0.01 * battery.current) ** 2 + 0.0305**2 * 13.0 / 12.0) ** 0.5
-    assert pstdev(amperes) == pytest.approx(size, rel=0.12)
 
 
 def test_a_leak_starts_at_its_time() -> None:
