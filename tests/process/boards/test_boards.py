@@ -67,8 +67,8 @@ def test_measured_load_of_the_slave_matches_the_readme(name: str) -> None:
     """The recommendation leaves room above the measured memory."""
     recommended = boards.load_board(name).recommended
     shown = (Path(boards.__file__).parents[1] / "README.md").read_text()
-    (memory,), (cpu,) = (re.findall(rf"slave {row} .* ([0-9.]+){unit}", shown) for row, unit in
-                         (("memory", " MiB,"), ("CPU", "% of a core")))  # fmt: skip
+    rows = (r"slave memory, alone on its machine \(MiB\)", r"slave CPU \(% of a core\)")
+    (memory,), (cpu,) = (re.findall(rf"{row} .* ([0-9.]+)\n", shown) for row in rows)
     low, high, mib = map(
         float, *re.findall(r"took ([0-9]+) to ([0-9]+) % of a core .* and ([0-9]+) MiB", recommended.source)
     )

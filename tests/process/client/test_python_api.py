@@ -144,7 +144,6 @@ def test_the_interface_works_with_asyncio(endpoint: str) -> None:
         (lambda v: v.thrust(1.0, 2.0), "has 6 thrusters, and 2 thrusts were given; give one for each"),
         (lambda v: v.thrust(nan, 0, 0, 0, 0, 0), "thruster 1: nan"),
         (lambda v: v.follow([(1.0, 2.0)]), "(north, east, depth)"),
-        (lambda v: v.follow("nowhere.toml"), "nowhere.toml"),
         (lambda v: v.samples("imuu"), "did you mean 'imu'"),
         (
             lambda v: v.samples("thermometer"),
