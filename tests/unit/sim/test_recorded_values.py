@@ -134,8 +134,8 @@ def rays(folder: Path) -> Iterator[Any]:
     scene.add(solids.sphere((4.0, 3.0, 4.0), 1.2))
     scene.add(solids.cylinder((-4.0, 2.0, 6.0), 0.8, 1.5, matrix(from_euler(0.3, 0.5, 0.1))))
     scene.add(solids.box((-2.0, -5.0, 5.0), (1.0, 2.0, 1.5), matrix(from_euler(0.1, -0.4, 0.7))))
-    scene.add(solids.hull(load_vehicle("remus100")[0]), State((2.0, -3.0, 5.0), from_euler(0.1, 0.2, 1.0)))
-    fan = [(0.19 * k, -1.4 + 0.071 * k) for k in range(40)]
+    scene.add(solids.hull(load_vehicle("remus100")[0]), State((-2.4, -1.9, 5.0), from_euler(0.1, 0.2, 1.0)))
+    fan = [(0.19 * k, -1.4 + 0.0236 * k) for k in range(120)]
     directions = array("d", [x for a, b in fan for x in (cos(a) * cos(b), sin(a) * cos(b), sin(b))])
     for origin in ((0.0, 0.0, 5.0), (6.0, 3.0, 2.0), (2.0, -6.0, 9.0)):
         for turn in (from_euler(0.0, 0.0, 0.0), from_euler(0.4, 0.9, -2.0)):
