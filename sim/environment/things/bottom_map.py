@@ -74,8 +74,6 @@ class BottomMap:
             node = min(row + corner // 2, keys.rows - 1) * keys.columns + min(column + corner % 2, keys.columns - 1)
             code = self._bytes()[node]
             scores[code] = scores.get(code, 0.0) + weight
-        if len(scores) == 1:
-            return next(iter(scores))
         ragged = _border_waves(sin, x, y)
         return max(scores, key=lambda code: scores[code] + _wave_factor(code) * ragged)
 

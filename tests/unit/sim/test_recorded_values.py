@@ -137,7 +137,7 @@ def rays(folder: Path) -> Iterator[Any]:
     scene.add(solids.hull(load_vehicle("remus100")[0]), State((-2.4, -1.9, 5.0), from_euler(0.1, 0.2, 1.0)))
     fan = [(0.19 * k, -1.4 + 0.0236 * k) for k in range(120)]
     directions = array("d", [x for a, b in fan for x in (cos(a) * cos(b), sin(a) * cos(b), sin(b))])
-    for origin in ((0.0, 0.0, 5.0), (6.0, 3.0, 2.0), (2.0, -6.0, 9.0)):
+    for origin in ((0.0, 0.0, 5.0), (6.0, 3.0, 2.0), (-5.0, 6.0, 3.0)):
         for turn in (from_euler(0.0, 0.0, 0.0), from_euler(0.4, 0.9, -2.0)):
             hits = scene.hits(origin, directions, 25.0, matrix(turn))
             yield list(hits.distances), list(hits.objects), list(hits.points), list(hits.normals)
