@@ -33,14 +33,15 @@ def test_the_applied_time_includes_reading_and_executing_the_command(kind: str) 
 
 
 def test_the_ends_of_a_link_have_its_options_and_faults_or_none() -> None:
-    wire: Any = BenchLink()
+    bench = BenchLink()
+    wire: Any = bench
     link = load_scenario("paper_field").link
     with pytest.raises(ConfigError, match=r"link: options: colour, size: .*frame"):
         end_protocol(link._replace(options={"colour": 1, "size": 2}), "host", 6)
     assert with_faults(wire, link, 1) is wire
     with pytest.raises(ConfigError):
         host_end(wire, link._replace(protocol="no_such"), 6, 1)
-    assert wire.closed, "an end that is not made holds no device"
+    assert bench.closed, "an end that is not made holds no device"
 
 
 @pytest.mark.parametrize(
