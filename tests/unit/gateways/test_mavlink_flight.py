@@ -56,7 +56,8 @@ NEXT = (99.0, 0.0, 3.0)
     [
         (row(GO), 6.9, 0.0, False), (row(GO), 7.1, 0.0, True),  # within WPNAV_RADIUS
         (row(GO, 0.0, 5.0), 4.1, 0.0, True), (row(GO, 0.0, 5.0), 3.9, 0.0, False),  # within its own radius
-        (row(GO, 0.0, -1.0), 6.9, 0.0, False), (row(GO, 0.0, nan), 7.1, 0.0, True),
+        (row(GO, 0.0, -1.0), 6.9, 0.0, False), (row(GO, 0.0, -1.0), 7.1, 0.0, True),
+        (row(GO, 0.0, nan), 7.1, 0.0, True),
         (row(GO, 0.0, 500.0), -90.0, 0.0, True), (row(GO, 0.0, 500.0), -92.0, 0.0, False),  # 100 m at most
         (row(GO, 4.0), 9.0, 3.9, False), (row(GO, 4.0), 9.0, 4.1, True), (row(GO, -4.0), 9.0, 0.0, True),
         (row(GO, nan), 9.0, 0.0, True), (row(19, 4.0, 5.0), 4.1, 4.1, False), (row(19, 4.0), 9.0, 4.1, True),

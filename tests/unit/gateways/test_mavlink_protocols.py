@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.common import __version__
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols import ftp
@@ -163,6 +164,7 @@ def test_a_long_folder_is_listed_in_parts_and_a_file_read_in_pieces_that_fit(tmp
     assert [(kind, offset, len(data)) for kind, _, offset, data in pieces] == [
         (ftp.ACK, 100, 200), (ftp.ACK, 300, 200), (ftp.ACK, 500, 100), (ftp.NAK, 100, 1)
     ]  # fmt: skip
+    assert [kind for kind, *_ in _ftp(bench, ftp.BURST, size=1)] == [ftp.ACK] * ftp.BURST_AT_ONCE
 
 
 @pytest.mark.parametrize("opcode", [0, ftp.ACK, ftp.NAK])
@@ -259,7 +261,8 @@ def test_message_groups_and_single_messages_can_be_requested() -> None:
     assert len(bench.partner.take_messages("ATTITUDE")) == 1
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 148) == ACCEPTED
     (version,) = bench.partner.take_messages("AUTOPILOT_VERSION")
-    assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
+    assert version.capabilities == 0b10_0010_0001_1110_1110, "float and whole items, files, targets, MAVLink 2"
+    assert bytes(version.flight_custom_version) == __version__.encode().ljust(8, b"\0")
     others = {name: value for name, value in version.to_dict().items() if isinstance(value, int) and value}
     assert others.keys() == {"capabilities", "flight_sw_version", "uid"}
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 147) == UNSUPPORTED  # it has no battery

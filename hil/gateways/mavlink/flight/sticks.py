@@ -147,4 +147,4 @@ class Joystick:
 
 
 def _axis(value: int) -> float:
-    return 0.0 if value == INVALID else min(max(value / FULL, -1.0), 1.0)
+    return 0.0 if value == INVALID else value / FULL
