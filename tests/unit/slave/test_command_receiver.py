@@ -76,32 +76,18 @@ def deliver(
     )
 
 
-def test_nothing_is_counted_before_the_first_command(command_receiver: CommandReceiver) -> None:
-    names = ("received", "malformed", "stale", "disordered", "refused", "flooded", "superseded")
-    assert [getattr(command_receiver, name) for name in names] == [0] * 7
-    assert (command_receiver.master, command_receiver.fault) == (b"", "")
-
-
 def test_a_command_wakes_the_loop_and_is_returned_once(command_receiver: CommandReceiver) -> None:
     assert command_receiver.take_latest() is None
-    deliver(command_receiver, 1, surge=0.7)
+    deliver(command_receiver, 1, surge=0.3)
+    deliver(command_receiver, 2, surge=0.7)
     assert select.select((command_receiver,), (), (), 0)[0]
     latest = command_receiver.take_latest()
     assert latest is not None
     assert isinstance(latest.command, VelocityCommand)
     assert latest.command.surge == pytest.approx(0.7)
-    assert latest.sequence == 1
+    assert latest.sequence == 2
     assert command_receiver.take_latest() is None
     assert not select.select((command_receiver,), (), (), 0)[0]
-
-
-def test_the_newest_command_applies(command_receiver: CommandReceiver) -> None:
-    for sequence in (1, 2, 3):
-        deliver(command_receiver, sequence, surge=sequence / 10)
-    taken = command_receiver.take_latest()
-    assert taken is not None
-    assert taken.sequence == 3
-    assert command_receiver.superseded == 2
 
 
 def test_a_command_that_is_not_read_in_time_is_dropped(command_receiver: CommandReceiver, clock: Clock) -> None:
@@ -159,18 +145,6 @@ def test_a_stale_command_does_not_make_its_sender_the_master(command_receiver: C
     Clock.current.wait(3000)
     deliver(command_receiver, 2, age_ms=3000)
     assert command_receiver.master == b""
-
-
-def test_with_an_exact_clock_even_the_first_command_has_an_age(command_receiver: CommandReceiver) -> None:
-    """The fastest message so far defines age zero without an exact clock, so the first one has no reference."""
-    clock = ClockOffset()
-    now = to_wall_ns(Clock.current.now_ns)
-    clock.add(now, now + 3600 * 10**9, now + 3600 * 10**9, now)  # the master is an hour ahead
-    command_receiver.clocks[GID] = clock
-    deliver(command_receiver, 1, age_ms=-3_600_000 + 1000)
-    assert (command_receiver.stale, command_receiver.take_latest()) == (1, None)
-    deliver(command_receiver, 2, age_ms=-3_600_000)
-    assert command_receiver.take_latest() is not None
 
 
 def test_a_flood_makes_the_reader_sleep(command_receiver: CommandReceiver, clock: Clock) -> None:
@@ -276,7 +250,10 @@ def test_many_earlier_masters_do_not_displace_a_masters_state(command_receiver: 
     assert command_receiver.disordered == 1
 
 
-COUNTED = [  # sequence, sender, age (ms), wait before it (ms), and what it adds to the counters besides `received`
+COUNTED: list[
+    Any
+] = [  # sequence, sender, age (ms), wait before it (ms), and what it adds to the counters besides `received`
+    ([], {}),
     ([(5, GID, 0, 0)], {}),
     ([(5, GID, 0, 0), (6, GID, 0, 0)], {"superseded": 1}),
     ([(5, GID, 0, 0), (4, GID, 0, 0), (5, GID, 0, 0)], {"disordered": 2}),
@@ -292,6 +269,7 @@ def test_each_command_is_counted_once(
     command_receiver: CommandReceiver, clock: Clock, commands: list[tuple[int, bytes, float, float]], counted: Any
 ) -> None:
     """The limits of age and silence are exact: by a nanosecond on either side."""
+    assert (command_receiver.master, command_receiver.fault) == (b"", "")
     now = to_wall_ns(clock.now_ns)
     for sender in (GID, OTHER):
         command_receiver.clocks[sender] = exact = ClockOffset()
@@ -305,12 +283,6 @@ def test_each_command_is_counted_once(
     found = {name: figures[f"commands_{name}"] for name in names}
     assert found == dict.fromkeys(names, 0) | counted
     assert (figures.commands_received, figures.thrusters) == (len(commands), 0)
-
-
-def test_each_sender_has_its_own_sequence_count(command_receiver: CommandReceiver) -> None:
-    deliver(command_receiver, 50)
-    deliver(command_receiver, 1, gid=bytes(16))
-    assert command_receiver.disordered == 0
 
 
 def test_stale_commands_are_never_executed(command_receiver: CommandReceiver) -> None:
@@ -328,6 +300,8 @@ def test_stale_commands_are_never_executed(command_receiver: CommandReceiver) ->
 def test_malformed_commands_are_counted(command_receiver: CommandReceiver, payload: bytes) -> None:
     command_receiver.on_message("cmd_vel", payload, ros.pack_attachment(1, 0, GID))
     assert command_receiver.malformed == 1
+    command_receiver.on_message("cmd_vel", ros.encode_twist((0, 0, 0), (0, 0, 0)), b"")  # without its time
+    assert command_receiver.malformed == 2
     assert command_receiver.take_latest() is None
 
 
@@ -339,11 +313,6 @@ def test_a_velocity_that_no_vehicle_reaches_is_malformed(axis: int, side: float)
     for speeds, is_command in ((fine, True), (absurd, False)):
         twist = ros.encode_twist(speeds[:3], speeds[3:])
         assert (decode_velocity(twist) is not None) is is_command
-
-
-def test_a_command_without_its_time_is_malformed(command_receiver: CommandReceiver) -> None:
-    command_receiver.on_message("cmd_vel", ros.encode_twist((0, 0, 0), (0, 0, 0)), b"")
-    assert command_receiver.malformed == 1
 
 
 def test_ages_need_no_common_clock() -> None:
@@ -417,10 +386,3 @@ def test_delayed_commands_are_not_mistaken_for_a_clock_set_back(
     assert not any(commands(command_receiver, clock, 200_000, 20, 3000, per_instant=2)), (
         "a full queue that loses every second command"
     )
-
-
-def test_with_a_known_clock_offset_stale_commands_stay_refused(command_receiver: CommandReceiver, clock: Clock) -> None:
-    exact = command_receiver.clocks[GID] = ClockOffset()
-    now = to_wall_ns(clock.now_ns)
-    exact.add(now, now, now, now)
-    assert not any(commands(command_receiver, clock, 1, 10, 2000))
