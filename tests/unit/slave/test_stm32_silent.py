@@ -140,6 +140,14 @@ def test_a_silent_or_lost_stm32_confirms_no_stop(monkeypatch: pytest.MonkeyPatch
     bed.driver.close()
 
 
+def test_a_stop_waits_long_only_for_an_stm32_that_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stm32, "CONFIRM_NS", 20 * NS_PER_S)
+    bed, began = Bed(), time.monotonic()
+    bed.driver.descriptors, bed.driver.is_silent = [], True
+    assert not stop_thrusters(bed.driver, 2)
+    assert time.monotonic() - began < 15.0
+
+
 def test_neutral_is_repeated_until_it_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stm32, "CONFIRM_NS", 60 * NS_PER_S)
     bed, sent, times_ns = Bed(), list[ThrusterCommand](), list[int]()
