@@ -266,6 +266,8 @@ def test_an_upload_ends_after_its_attempts_and_each_item_gives_it_all_of_them_ag
     assert bench.partner.take_messages("MISSION_ACK") == []
     bench.run(0.3)
     assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
+    bench.run(patience_s)
+    assert bench.partner.take_messages("MISSION_ACK") == [], "it has ended"
 
 
 @pytest.mark.parametrize(

@@ -113,6 +113,7 @@ def test_the_definition_of_a_newer_message_has_the_right_checksum() -> None:
     message.ordered_fields = sorted(fields, key=lambda field: -field.type_length)
     message.base_fields = lambda: len(fields)
     assert mavparse.message_checksum(message) == ProtocolVersion.crc_extra
+    assert ProtocolVersion().pack(dialect.MAVLink(None, 1, 1))[10:-2].hex() == "c8006400c8", "versions 2, from 1 to 2"
 
 
 class _Overloaded(Link):

@@ -306,6 +306,10 @@ def test_texts_of_the_pilot_and_of_the_mission_are_sent_once() -> None:
     bench = Bench()
     bench.core.pilot.texts.append((6, "of the pilot"))
     bench.core.flight.texts.append((6, "of the mission"))
+    bench.core.texts.extend([(6, "a" * 51), (6, "b" * 51)])
     bench.run(0.5)
-    texts = bench.partner.texts()
+    received = bench.partner.take_messages("STATUSTEXT")
+    first, _, second, _ = [text.id for text in received if text.id]
+    assert second == first + 1, "the parts of a long text have a number of their own"
+    texts = [text.text for text in received]
     assert (texts.count("of the pilot"), texts.count("of the mission")) == (1, 1)
