@@ -225,7 +225,7 @@ def test_call_prints_the_reply_of_a_service(user: User) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("echo", "/uuv1/imo", "--wait", "0.3"), 4, "nobody publishes /uuv1/imo; there are: /clock, "),
+        (("echo", "/uuv1/imo", "--wait", "2"), 4, "nobody publishes /uuv1/imo; there are: /clock, "),
         (("call", "/uuv1/rest"), 4, "no server for /uuv1/rest; there are: .*did you mean '/uuv1/reset'"),
         (
             ("call", "/uuv1/arm", "std_srvs/Trigger"),
