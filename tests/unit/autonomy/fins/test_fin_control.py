@@ -7,8 +7,6 @@ import pytest
 
 from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
 from hil.autonomy.control.fin_control import FinAllocator, FinController, FinGains
-from hil.cases import simulated
-from hil.master.flight import prepare
 from hil.scenario.config import build_simulation, load_scenario
 from hil.slave.pilot import Pilot, build_pilot
 from sim.environment.world import load_world
@@ -121,20 +119,3 @@ def test_idle_channels_are_neutral_and_drop_weights_are_not_released() -> None:
     stopped, _ = pilot.update(simulation.time_ns + 10**9, 0.02)  # the deadman
     assert stopped.pwm_us == (1500,) * 5
     assert simulation.vehicle.mass == load_vehicle("tethys")[0].mass
-
-
-@pytest.mark.parametrize("name", ["lauv"])
-def test_the_open_water_scenario_reaches_its_goal(name: str) -> None:
-    """The scenario as delivered, but for a coarser step, reaches its goal, and no obstacle comes nearer than 5 m."""
-    scenario = load_scenario("open_water", {"vehicle": name, "slave.step": STEP})
-    plan = prepare(scenario)
-    boat = simulated.SimulatedVehicle(scenario, plan.world)
-    outcome, _ = simulated.fly(scenario, plan, boat)
-    simulation = boat.simulation
-    assert outcome.reason == "goal reached"
-    assert outcome.goal_error < 3.1
-    assert outcome.least_clearance > 5.0
-    assert outcome.cross_track_max < 4.0
-    assert outcome.travelled / outcome.duration > 1.35
-    assert simulation.contacts == 0
-    assert simulation.state.position[2] == pytest.approx(10.0, abs=0.3)
