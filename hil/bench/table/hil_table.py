@@ -58,9 +58,9 @@ ROWS = (
     Row("memory", "slave memory", "MiB", "{:.1f}"),
     Row("memory_alone", "slave memory, alone on its machine", "MiB", "{:.1f}"),
     Row("memory_share", "slave memory, share of the board's", "%", "{:.2f}"),
-    Row("delay_p50", "command delay p50", "ms", "{:.4g}", is_clocked=True),
-    Row("delay_p99", "command delay p99", "ms", "{:.4g}", is_clocked=True),
-    Row("delay_max", "command delay max", "ms", "{:.4g}", is_clocked=True),
+    Row("delay_p50", "command delay p50", "ms", "{:.2f}", is_clocked=True),
+    Row("delay_p99", "command delay p99", "ms", "{:.2f}", is_clocked=True),
+    Row("delay_max", "command delay max", "ms", "{:.2f}", is_clocked=True),
     Row("slave_cpu", "slave CPU", "% of a core", "{:.2f}"),
     Row("slave_cpu_floor", "waking and publishing alone", "% of a core", "{:.2f}", better=""),
 )

@@ -72,13 +72,13 @@ def test_the_table_is_rendered_as_text(monkeypatch: pytest.MonkeyPatch) -> None:
         assert expected in text
     assert not re.search(r"\d x|better", text), "loopback here, a wlan there: no ratio"
     elsewhere = table.render(build(), "harbour")
-    assert re.search("^command delay p50 .* 0\\.4$", elsewhere, re.M)
+    assert re.search("^command delay p50 .* 0\\.40$", elsewhere, re.M)
     assert "2022" not in elsewhere
     rows = [line.split()[-3:] for line in text.split("\n\n")[0].splitlines()[2:]]
     assert rows == [
         ["42.00", "42.00", "2.00"], ["3.200", "3.600", "0.080"], ["-", "-", "0.040"], ["-", "-", "12.0"],
-        ["-", "-", "20.0"], ["37.00", "59.00", "0.98"], ["2000", "1900", "0.4"], ["-", "-", "0.4"], ["-", "-", "0.4"],
-        ["-", "-", "5.00"],
+        ["-", "-", "20.0"], ["37.00", "59.00", "0.98"], ["2000.00", "1900.00", "0.40"], ["-", "-", "0.40"],
+        ["-", "-", "0.40"], ["-", "-", "5.00"],
     ]  # fmt: skip
     assert "NO (python -m compileall)" in table.render(build(bytecode_compiled=False), "harbour")
 
