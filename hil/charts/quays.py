@@ -193,16 +193,21 @@ def clear_behind(coasts: Coasts, north: Array, east: Array, bounds: tuple[NDArra
 
     `bounds`: limits, masks and distances as hil.charts.bounds has them. Only where `free`, and not near another shore.
     """
-    from scipy.ndimage import distance_transform_edt
-
     is_hidden = coasts.quay | coasts.mole
     window, away = edge_distance(coasts.start[is_hidden], coasts.end[is_hidden], north, east)
     low, high, land, known, shore = (part[window] for part in bounds)
     behind = land & (away < BEHIND) & (shore > BEHIND) & free[window]
     if behind.any():
-        rows, columns = distance_transform_edt(land | ~known, return_distances=False, return_indices=True)
-        nearest = rows[behind], columns[behind]
+        nearest = _nearest(known & ~land, behind)
         low[behind], high[behind], land[behind] = low[nearest], high[nearest], False
+
+
+def _nearest(of: Mask, to: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return row and column of the nearest node in `of` for each node in `to`."""
+    from scipy.ndimage import distance_transform_edt
+
+    rows, columns = distance_transform_edt(~of, return_distances=False, return_indices=True)
+    return rows[to], columns[to]
 
 
 def find_walled(coasts: Coasts, north: Array, east: Array, reach: int) -> tuple[Window, Array, Mask]:
@@ -232,14 +237,13 @@ def clear_single(coasts: Coasts, north: Array, east: Array, bounds: tuple[NDArra
     These are the nodes of cells with water before such a wall, land or water. They join those on the walls' side.
     `bounds`, `free`: as of clear_behind.
     """
-    from scipy.ndimage import binary_dilation, distance_transform_edt
+    from scipy.ndimage import binary_dilation
 
     window, away = edge_distance(coasts.start[coasts.single], coasts.end[coasts.single], north, east)
     low, high, land, known, shore, walled = (part[window] for part in bounds)
     before = walled & known & ~land & (away < DIAGONAL)
     behind = binary_dilation(before, np.ones((3, 3))) & ~walled & (away < DIAGONAL) & free[window]
     if behind.any():
-        rows, columns = distance_transform_edt(~before, return_distances=False, return_indices=True)
-        nearest = rows[behind], columns[behind]
+        nearest = _nearest(before, behind)
         low[behind], high[behind] = low[nearest], high[nearest]
         land[behind], known[behind], shore[behind], walled[behind] = False, True, np.inf, True
