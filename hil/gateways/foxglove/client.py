@@ -14,7 +14,7 @@ from hil.gateways.websocket_client import SocketClient
 from hil.ros.graph import Entity
 
 MAX_SUBSCRIPTIONS = 1000
-LOOK_S = 2.0  # between two looks at the graph
+LOOK_S = 2.0  # between two looks for new services, and at the graph
 NEEDING_TOKEN = (
     "advertise", "unadvertise", "getParameters", "setParameters", "subscribeParameterUpdates",
     "unsubscribeParameterUpdates",
@@ -197,7 +197,7 @@ class Client(SocketClient):
                 described = [self._commanding.describe(*service) for service in new]
                 numbered = [{"id": first + place, **each} for place, each in enumerate(described)]
                 self._put(protocol.encode_text("advertiseServices", services=numbered))
-            await asyncio.sleep(2.0)
+            await asyncio.sleep(LOOK_S)
 
     async def _watch_graph(self) -> None:
         """Send the graph, and then its changes."""
