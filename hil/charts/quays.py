@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.polygons import Edges, Mask, Window, edge_distance, segments
+from hil.autonomy.paths.polygons import Edges, Mask, Window, contains, edge_distance
 from hil.charts.sources.survey import Survey
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     (judged,) = np.nonzero(near)
     is_left = np.zeros(len(start), bool)
     sides = across[np.cumsum(counts) - counts][judged]
-    is_left[judged] = _contains(land, 0.5 * (start + end)[judged] + BESIDE * sides)
+    is_left[judged] = contains(land, 0.5 * (start + end)[judged] + BESIDE * sides)
     inward[:] = np.where(is_left[edge][:, None], across, -across)
     feet = first[index] + np.array(FEET)[:, None, None] * along[index]
     widths, far_sides = _cross(tree, feet, inward[index], WIDE * cell)
@@ -100,22 +100,6 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     is_opposite[walls.query(shapely.points(far_sides).ravel(), "dwithin", ON_WALL)[0]] = True
     opposite[index] = ~on_wall & (is_opposite.reshape(widths.shape) & np.isfinite(widths)).any(axis=0)
     return coasts
-
-
-def _contains(edges: Edges, points: Array) -> Mask:
-    """Return what `contains` does, by a tree of the edges: of all charted land there are too many for each point."""
-    import shapely
-
-    start, end = segments(edges)
-    west = min(start[:, 1].min(), end[:, 1].min()) - 1.0
-    tree = shapely.STRtree(shapely.linestrings(np.stack([start, end], axis=1)))
-    rows = np.column_stack([points[:, 0], np.full(len(points), west)])
-    point, edge = tree.query(shapely.linestrings(np.stack([points, rows], axis=1)))
-    (north, east), (one, other) = points[point].T, (start[edge], end[edge])
-    spans = (one[:, 0] <= north) != (other[:, 0] <= north)
-    rise = np.where(spans, other[:, 0] - one[:, 0], 1.0)
-    is_west = one[:, 1] + (north - one[:, 0]) / rise * (other[:, 1] - one[:, 1]) <= east
-    return np.asarray(np.bincount(point[spans & is_west], minlength=len(points)) % 2 == 1)
 
 
 def _cross(tree: Any, feet: Array, directions: Array, reach: float) -> tuple[Array, Array]:

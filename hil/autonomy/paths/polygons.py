@@ -91,10 +91,14 @@ def contains(edges: Edges, points: Array) -> Mask:
         return inside
     low, high = np.minimum(start, end).min(axis=0), np.maximum(start, end).max(axis=0)
     near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    near = near[np.argsort(points[near, 0])]  # so that few edges are in the rows of a chunk
+    south, top = np.minimum(start, end)[:, 0], np.maximum(start, end)[:, 0]
     for chunk in np.array_split(near, 1 + len(near) * len(start) // 2_000_000):
         north, east = points[chunk, 0, None], points[chunk, 1, None]
-        spans = (start[:, 0] <= north) != (end[:, 0] <= north)
-        rise = np.where(start[:, 0] == end[:, 0], 1.0, end[:, 0] - start[:, 0])
-        crossing = start[:, 1] + (north - start[:, 0]) / rise * (end[:, 1] - start[:, 1])
+        in_rows = (south <= north.max(initial=-np.inf)) & (top > north.min(initial=np.inf))
+        one, other = start[in_rows], end[in_rows]
+        spans = (one[:, 0] <= north) != (other[:, 0] <= north)
+        rise = np.where(one[:, 0] == other[:, 0], 1.0, other[:, 0] - one[:, 0])
+        crossing = one[:, 1] + (north - one[:, 0]) / rise * (other[:, 1] - one[:, 1])
         inside[chunk] = (spans & (crossing <= east)).sum(axis=1) % 2 == 1
     return inside
