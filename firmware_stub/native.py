@@ -1,7 +1,6 @@
 """The STM32's firmware in C as a process of this machine on a pty. It is compiled once, then cached."""
 
 import os
-import tty
 from contextlib import suppress
 
 from firmware_stub import build, mavlink_headers
@@ -10,6 +9,7 @@ from hil.common.errors import DeviceError
 from hil.common.scratch import ScratchFolder
 from hil.common.tables import PROGRAM
 from hil.links.wires.pty_name import PtyName
+from hil.links.wires.terminal import open_pty
 
 NAME = PROGRAM
 US_PER_S = 1_000_000
@@ -62,13 +62,8 @@ class NativeStm32(Child):
 
     def __init__(self, path: str, channels: int, watchdog: float) -> None:
         program = build_native()
+        master, slave = open_pty()
         try:
-            master, slave = os.openpty()
-        except OSError as error:
-            raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
-        try:
-            os.set_blocking(master, False)
-            tty.setraw(slave)
             self._name: PtyName | None = PtyName(path, os.ttyname(slave))
             try:
                 super().__init__(

@@ -133,6 +133,17 @@ class TerminalWire(DescriptorWire):
         super().close()
 
 
+def open_pty() -> tuple[int, int]:
+    """Return a new pty: its master, which does not block, and its slave, both raw. Raises DeviceError."""
+    try:
+        master, slave = os.openpty()
+    except OSError as error:
+        raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
+    os.set_blocking(master, False)
+    tty.setraw(slave)
+    return master, slave
+
+
 class PtyWire(TerminalWire):
     """Device end (STM32) of a new pseudo terminal; other programs open `path` as if it were a serial port.
 
@@ -149,16 +160,11 @@ class PtyWire(TerminalWire):
     """
 
     def __init__(self, link_path: str = "") -> None:
-        try:
-            master, self._slave = os.openpty()
-        except OSError as error:
-            raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
+        master, self._slave = open_pty()
         self.path = os.ttyname(self._slave)
         self._second_name: PtyName | None = None
         self._free_bytes = 0  # bytes that can be written before `UNREAD_LIMIT` may be reached
         super().__init__(master, link_path or self.path)
-        os.set_blocking(master, False)
-        tty.setraw(self._slave)  # both ends share these settings
         if link_path:
             try:
                 self._second_name = PtyName(link_path, self.path)
