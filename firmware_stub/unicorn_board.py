@@ -7,7 +7,7 @@ does not sleep executes `BUSY_INSTRUCTIONS` every `BUSY_NS`.
 
 from collections.abc import Iterable
 
-from firmware_stub.emulation.chip import Chip
+from firmware_stub.emulation.chip import TIMERS, Chip
 from firmware_stub.emulation.core import Core
 from firmware_stub.emulation.memory import FLASH
 from firmware_stub.emulation.models import MODELS
@@ -19,7 +19,6 @@ from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_
 
 BUSY_NS = NS_PER_MS
 BUSY_INSTRUCTIONS = 16_000  # in a millisecond at the core's own 16 MHz
-OUTPUTS = ("TIM3", "TIM4")  # with four channels each: thrusters 1 to 4 and 5 to 8
 WATCHDOG_NS = 200 * NS_PER_MS
 
 
@@ -76,12 +75,12 @@ class UnicornBoard:
     @property
     def pwm_us(self) -> list[int]:
         """Pulse widths in microseconds, one per thruster, from the timers' registers; 0: no pulses."""
-        return [self._chip.timers[OUTPUTS[i // 4]].pulse_us(i % 4) for i in range(self.channels)]
+        return [self._chip.timers[TIMERS[i // 4]].pulse_us(i % 4) for i in range(self.channels)]
 
     @property
     def command_ns(self) -> int:
         """Monotonic time (ns) of the program's last write of a pulse width, at each command and report."""
-        return max(self._chip.timers[name].width_set_ns for name in OUTPUTS)
+        return max(timer.width_set_ns for timer in self._chip.timers.values())
 
     @property
     def lost(self) -> int:

@@ -7,7 +7,7 @@ from typing import ClassVar
 from firmware_stub.emulation.peripheral import Peripheral
 from hil.links.wires.can_frame import CanFrame
 
-MCR, MSR, TSR, RF0R, IER, BTR = 0x00, 0x04, 0x08, 0x0C, 0x14, 0x1C
+MCR, MSR, TSR, RF0R, IER = 0x00, 0x04, 0x08, 0x0C, 0x14
 TRANSMIT, MAILBOX_SIZE, MAILBOXES = 0x180, 0x10, 3
 RECEIVE, RECEIVE_END = 0x1B0, 0x1C0
 FMR, FA1R, FILTER = 0x200, 0x21C, 0x240

@@ -19,7 +19,7 @@ CORE_REGISTERS, CORE_REGISTERS_SIZE = 0xE000_0000, 0x10_0000
 SYSTEM_CONTROL = 0xE000_E000
 CAN1_INTERRUPTS = (19, 20)  # transmit, FIFO 0
 USART_INTERRUPTS = {"USART1": 37, "USART2": 38}
-TIMERS = ("TIM3", "TIM4")
+TIMERS = ("TIM3", "TIM4")  # of the outputs, with four channels each: thrusters 1 to 4 and 5 to 8
 RCCS = {"f4": Rcc, "f1": RccF1}
 
 

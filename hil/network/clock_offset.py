@@ -100,7 +100,7 @@ class ClockOffset:
         later = bisect_right(points, time_ns, key=lambda point: point.time_ns)
         last = min(later + NEAREST // 2, len(points))
         rate = self._drift_error
-        near = points[max(last - NEAREST, 0) : last] or points[-1:]
+        near = points[max(last - NEAREST, 0) : last]
         return min(near, key=lambda point: point.half_ns + rate * abs(time_ns - point.time_ns))
 
     def _contradicts(self, point: _Point) -> bool:

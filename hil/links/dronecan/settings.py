@@ -9,7 +9,7 @@ from hil.links.dronecan.transfer import MAX_NODE_ID
 from hil.links.dronecan.types import UNIQUE_ID_SIZE
 
 HOST_ID, DEVICE_ID = 10, 20  # 10 is also ArduPilot's
-MAX_ESCS = 20  # in one RawCommand or RPMCommand
+MAX_ESCS = 20  # in one RawCommand
 FULL_RPM = 3500.0  # a T200 on 16 V at full output (Blue Robotics, T200 public performance data, 2019)
 ARMING_PERIOD_NS = NS_PER_S // 2
 ARMED, TIMED_OUT, TRIPS_SHIFT = 1, 2, 2  # in the vendor-specific status code

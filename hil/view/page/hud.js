@@ -91,7 +91,7 @@ function drawLadder(pen, half, roll, pitch, unit) {
 function drawScale(pen, {half, unit, value, step, of, mark, bed, isLeft}) {
   if (value == null) return;
   prepare(pen, unit);
-  const side = isLeft ? -1 : 1, perStep = half / 2.4, at = v => (isLeft ? -1 : 1) * (v - value) / step * perStep;
+  const side = isLeft ? -1 : 1, perStep = half / 2.4, at = v => side * (v - value) / step * perStep;
   pen.textAlign = isLeft ? "right" : "left";
   pen.beginPath(); pen.moveTo(0, -half); pen.lineTo(0, half); pen.stroke();
   for (let n = Math.ceil((value - 2.4 * step) / step * 2); n <= (value + 2.4 * step) / step * 2; n++) {

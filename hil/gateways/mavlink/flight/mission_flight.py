@@ -80,7 +80,7 @@ class MissionFlight:
             elif target := self._fly(self._items[self.current], state, now):
                 self._stay = target
                 return target
-        if self._stay is None or self._stay.position is None:
+        if self._stay is None:
             self._stay = Target(state.position, None, state.heading)
         return self._stay
 
