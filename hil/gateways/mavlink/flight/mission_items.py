@@ -14,7 +14,9 @@ WAYPOINTS = (
     dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_NAV_SPLINE_WAYPOINT, dialect.MAV_CMD_NAV_LOITER_UNLIM,
     dialect.MAV_CMD_NAV_LOITER_TIME,
 )  # fmt: skip
-WITHOUT_PLACE = dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND
+WITHOUT_PLACE = (
+    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_DO_CHANGE_SPEED,
+)  # fmt: skip
 # Ground stations put these in missions: takeoffs, and commands for cameras and mounts. They are passed over.
 IDLE_COMMANDS = {
     dialect.MAV_CMD_NAV_TAKEOFF, *range(dialect.MAV_CMD_DO_SET_MODE, dialect.MAV_CMD_DO_LAST + 1), *range(530, 535),
