@@ -12,6 +12,7 @@ from hil.charts.charted_objects import ChartedObjects, Nature, nature_of, pipeli
 from hil.charts.hazards import hazards_of
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.s57 import Cell, Feature
+from hil.charts.sources.s57_process import OBJECTS
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, first_in_cell, resample
 from hil.common.errors import ConfigError
 from sim.environment.things.pipelines import Pipeline
@@ -241,14 +242,15 @@ class _ChartLayer:
 
     def pipelines(self, covers: list[Edges]) -> list[Pipeline]:
         return [
-            pipeline for feature in self._cell.features
+            pipeline for feature in self._cell.features if "diameter" in OBJECTS[feature.kind]
             for pipeline in pipelines_of(feature, [p for edge in self._edges(feature) for p in _cut_line(edge, covers)])
         ]  # fmt: skip
 
     def zones(self) -> list[Zone]:
         detail = LINE_ACCURACY * self._cell.scale
         return [
-            zone for feature in self._cell.features for zone in zones_of(feature, self._edges(feature), detail)
+            zone for feature in self._cell.features if "zone" in OBJECTS[feature.kind]
+            for zone in zones_of(feature, self._edges(feature), detail)
         ]  # fmt: skip
 
     def natures(self, covers: list[Edges]) -> list[Nature]:

@@ -81,6 +81,7 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     (index,) = np.nonzero(near[edge])
     if not len(index):
         return coasts
+    pieces = np.stack([coasts.start, coasts.end], axis=1)
     across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
     (judged,) = np.nonzero(near)
     is_left = np.zeros(len(start), bool)
@@ -89,13 +90,13 @@ def find_coasts(strip: Any, start: Array, end: Array, land: Edges, cell: float) 
     inward[:] = np.where(is_left[edge][:, None], across, -across)
     feet = first[index] + np.array(FEET)[:, None, None] * along[index]
     widths, far_sides = _cross(tree, feet, inward[index], WIDE * cell)
-    on_wall = shapely.covers(strip, shapely.linestrings(np.stack([first[index], (first + along)[index]], axis=1)))
+    on_wall = shapely.covers(strip, shapely.linestrings(pieces[index]))
     is_far_wall = shapely.covers(strip, shapely.points(far_sides)) | ~np.isfinite(widths)
     width[index] = widths.min(axis=0)
     has_walls, is_narrow = is_far_wall.all(axis=0), width[index] < NARROW * cell
     quay[index], mole[index] = on_wall & has_walls & ~is_narrow, on_wall & has_walls & is_narrow
     single[index] = on_wall & ~has_walls
-    walls = shapely.STRtree(shapely.linestrings(np.stack([first, first + along], axis=1)[single]))
+    walls = shapely.STRtree(shapely.linestrings(pieces[single]))
     is_opposite = np.zeros(widths.size, bool)
     is_opposite[walls.query(shapely.points(far_sides).ravel(), "dwithin", ON_WALL)[0]] = True
     opposite[index] = ~on_wall & (is_opposite.reshape(widths.shape) & np.isfinite(widths)).any(axis=0)
@@ -202,10 +203,10 @@ def find_walled(coasts: Coasts, north: Array, east: Array, reach: int) -> tuple[
     """
     import shapely
 
-    lines = shapely.linestrings(np.stack([coasts.start, coasts.end], axis=1))
     window, away = edge_distance(coasts.start[coasts.opposite], coasts.end[coasts.opposite], north, east, reach)
     is_walled = np.zeros(away.shape, bool)
     if coasts.opposite.any():
+        lines = shapely.linestrings(np.stack([coasts.start, coasts.end], axis=1))
         near = np.argwhere(away < reach)
         nodes = shapely.points(np.column_stack([north[window[0]][near[:, 0]], east[window[1]][near[:, 1]]]))
         facing, walls = lines[coasts.opposite], lines[coasts.quay | coasts.mole | coasts.single]
