@@ -149,17 +149,17 @@ class Sonar3D(Instrument):
     def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
         """Answer a request of HTTP."""
         name = path.removeprefix(_API)
-        value: Any = None
-        if method != "GET":
-            try:
-                value = json.loads(body)
-            except (ValueError, RecursionError):
-                return _BAD_REQUEST if path.startswith(_API) else _NOT_FOUND
-        if not path.startswith(_API) or method not in ("GET", "POST"):
+        if not path.startswith(_API):
             return _NOT_FOUND
         if method == "GET":
-            found = self._kept.get(name) if name in self._kept else self._status(name, now_ns)
+            found = self._kept[name] if name in self._kept else self._status(name, now_ns)
             return _NOT_FOUND if found is None else _answer(found)
+        try:
+            value = json.loads(body)
+        except (ValueError, RecursionError):
+            return _BAD_REQUEST
+        if method != "POST":
+            return _NOT_FOUND
         if name == "time/manual":
             return self._set_time(value, now_ns)
         if name == "time/ntp/force-sync":
@@ -226,10 +226,8 @@ def _is_allowed(value: Any, rule: dict[str, Any]) -> bool:
         return bool(value["min"] < value["max"])
     if "ntp_address" in value:
         return bool(value["ntp_address"])
-    address, port, is_unicast = (
-        *[value[f"unicast_destination_{part}"] for part in ("ip", "port")],
-        value["mode"] == "unicast",
-    )
+    address, port = value["unicast_destination_ip"], value["unicast_destination_port"]
+    is_unicast = value["mode"] == "unicast"
     try:
         return (
             isinstance(port, int)

@@ -6,6 +6,7 @@ battery-backed or the flash layer is not.
 
 import struct
 from struct import pack, unpack, unpack_from
+from typing import Any
 
 from hil.instruments.layout import read_device
 
@@ -24,7 +25,13 @@ UART1 = 1
 NMEA = 0xF0
 _ENGINE, _SYSTEMS = 0x24, 0x3E
 
-RATES = {(int(name[:2], 16), int(name[2:], 16)): first for name, first in DEVICE["rates"].items()}
+
+def by_message(table: dict[str, Any]) -> dict[tuple[int, int], Any]:
+    """Return a table of the device's file by group and number of a message, in place of their hexadecimal digits."""
+    return {(int(name[:2], 16), int(name[2:], 16)): value for name, value in table.items()}
+
+
+RATES: dict[tuple[int, int], int] = by_message(DEVICE["rates"])
 
 
 def defaults() -> dict[int, int]:

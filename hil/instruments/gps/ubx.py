@@ -8,7 +8,7 @@ from math import hypot, sqrt
 from struct import pack
 from typing import Any
 
-from hil.instruments.gps.configuration import DEVICE
+from hil.instruments.gps.configuration import DEVICE, by_message
 from hil.instruments.gps.sky import LEAP_SECONDS, SPEED_ACCURACY, Epoch
 from hil.instruments.layout import pack_layout
 
@@ -114,9 +114,7 @@ QUANTITIES: dict[str, Callable[[Epoch], Sequence[Any]]] = {
     "pdop": lambda e: [round(e.dilutions.position * 100)],
     "dilutions": lambda e: [min(9999, round(value * 100)) for value in e.dilutions],
 }
-MESSAGES: dict[tuple[int, int], str] = {
-    (int(name[:2], 16), int(name[2:], 16)): layout for name, layout in DEVICE["messages"].items()
-}
+MESSAGES: dict[tuple[int, int], str] = by_message(DEVICE["messages"])
 
 
 def encode(group: int, number: int, epoch: Epoch) -> bytes:
