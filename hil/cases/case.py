@@ -2,13 +2,12 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from pathlib import Path
 
 from hil.cases.record import Mode, Run
 from hil.cases.viewer import Viewer
 from hil.common.errors import ConfigError
-from hil.common.schema import nearest
+from hil.common.schema import at_place, nearest
 from hil.common.tables import read_table
 
 CASES = read_table(str(Path(__file__).with_name("cases.toml")))
@@ -48,6 +47,5 @@ def find_case(name: str) -> Case:
     """Return the case of that name. Raises ConfigError, which lists all cases."""
     if name not in CASES:
         raise ConfigError(f"no case {name!r}{nearest(name, list(CASES))}; there are: {', '.join(CASES)}")
-    module, _, attribute = CASES[name]["class"].partition(":")
-    case: Case = getattr(import_module(module), attribute)(name)
+    case: Case = at_place(CASES[name]["class"])(name)
     return case

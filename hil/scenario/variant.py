@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from copy import deepcopy
 from typing import Any
 
@@ -75,8 +74,6 @@ def _write_world(name: str, folder: str, more: Mapping[str, Sequence[Table]]) ->
 
 def write_toml(path: str, table: Table) -> None:
     """Write a table as TOML. Raises ConfigError if the file cannot be written, or a value has no form in TOML."""
-    with suppress(OSError):  # then the file cannot be written either
-        os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
     save_text(path, "".join(f"{line}\n" for line in _lines(table, "")))
 
 

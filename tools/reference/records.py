@@ -2,12 +2,11 @@
 
 import types
 from collections.abc import Iterable, Sequence
-from importlib import import_module
 from math import floor, log10
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
-from hil.common.schema import FINITE, Range
+from hil.common.schema import FINITE, Range, at_place
 from hil.common.tables import read_table
 from hil.schemas.meanings import meaning_of, unit_of
 
@@ -36,8 +35,7 @@ def keys(path: str, title: str, titles: Sequence[str]) -> str:
 
     A key whose table has a heading of its own among `titles` links there. Raises KeyError for a key without a meaning.
     """
-    module, _, name = path.partition(":")
-    record = getattr(import_module(module), name)
+    record, name = at_place(path), path.partition(":")[2]
     shown, defaults = OWN["types"].get(name, {}), OWN["defaults"].get(name, {})
     table = []
     for key, annotation in record.__annotations__.items():
