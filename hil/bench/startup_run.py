@@ -71,8 +71,8 @@ def files_of_a_start() -> list[str]:
     """Return the files that the slave and the floors may read: those of Python's libraries and of this project."""
     packages = (os.path.join(ROOT, name) for name in ("hil", "sim", "boards", "firmware_stub"))
     folders = (*(sysconfig.get_path(name) for name in ("stdlib", "platlib")), *packages)
-    walked = (each for folder in dict.fromkeys(folders) for each in os.walk(folder))
-    return [os.path.join(path, name) for path, _, names in walked for name in names]
+    walked = (each for folder in folders for each in os.walk(folder))  # one may be within another
+    return [*dict.fromkeys(os.path.join(path, name) for path, _, names in walked for name in names)]
 
 
 def drop(files: Iterable[str]) -> None:

@@ -62,11 +62,11 @@ class HelpFormatter(argparse.HelpFormatter):
         """Begin a group of options."""
         super().start_section("\n".join(self._split_lines(heading, self._width - 1)) if heading else heading)
 
-    def _split_lines(self, text: str, width: int, indent: str = "") -> list[str]:
+    def _split_lines(self, text: str, width: int) -> list[str]:
         """Return the lines of an option's help; unlike argparse, do not break names and commands at hyphens."""
         from textwrap import wrap  # needed only for help
 
-        return wrap(" ".join(text.split()), width, subsequent_indent=indent, break_on_hyphens=False)
+        return wrap(" ".join(text.split()), width, break_on_hyphens=False)
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         lines: list[str] = []

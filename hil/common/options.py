@@ -225,10 +225,10 @@ class Quantity(Number):
 
 
 class Share(Number):
-    """An argparse type: a share from `low` to `high`, 0.05 or "5%"."""
+    """An argparse type: a share from 0 to 1, 0.05 or "5%"."""
 
-    def __init__(self, low: float = 0.0, high: float = 1.0) -> None:
-        super().__init__(low, high)
+    def __init__(self) -> None:
+        super().__init__(0.0, 1.0)
 
     def _value(self, text: str) -> float | None:
         value = super()._value(text.removesuffix("%"))

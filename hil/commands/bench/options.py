@@ -100,13 +100,12 @@ def save_columns(
     rows: Sequence[Row],
     labels: Iterable[str],
     details: dict[str, Any] | None = None,
-) -> Record:
-    """Return the record of columns, as "row [column]"; write and draw it if requested. Raises ConfigError."""
+) -> None:
+    """Save columns as a record, as "row [column]", and draw them, if requested. Raises ConfigError."""
     figures = {f"{name} [{column.title}]": each for column in columns for name, each in column.figures.items()}
     record = save_record(kind, options, figures, labels, details)
     if options.plot:
         draw(columns, rows, options.plot, record.footer)
-    return record
 
 
 class Progress:

@@ -98,8 +98,8 @@ def _columns(runs: list[Listening]) -> list[Column]:
     columns = []
     for topic in topics:
         streams = [received.streams.get(topic, {}) for received in runs]
-        found = {row: [each.get(row.name, nan) for each in streams] for row in ROWS}
-        columns.append(Column(topic, {row.name: Figure(found[row], row.unit, row.better).finite for row in ROWS}))
+        found = {row.name: Figure([each.get(row.name, nan) for each in streams], row.unit, row.better) for row in ROWS}
+        columns.append(Column(topic, {name: figure.finite for name, figure in found.items()}))
     sums = {
         row.name: Figure([sum(each[row.name] for each in received.streams.values()) for received in runs], row.unit, "")
         for row in ROWS
