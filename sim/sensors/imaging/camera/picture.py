@@ -79,11 +79,12 @@ class PictureRenderer:
         if shading and (geometry := self._rays.compiled(position, m.max_range)):
             return shading.cast(geometry, position, rotation, self._directions, lamps, water)
         hits = self._rays.hits(position, self._directions, m.max_range, rotation)
-        ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
-        return self._compute_light(hits, position, axes, water, lamps), ranges, objects
+        return self._compute_light(hits, position, axes, water, lamps)
 
-    def _compute_light(self, hits: Hits, position: Any, axes: Any, water: Water, lamps: float) -> NDArray[np.float32]:
-        """Return the radiance at the lens (n x 3) of `hits`, with lamps beside the camera."""
+    def _compute_light(
+        self, hits: Hits, position: Any, axes: Any, water: Water, lamps: float
+    ) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
+        """Return the radiance at the lens (n x 3) of `hits`, with lamps beside the camera, their ranges and objects."""
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         points, normals = (_rows(np.asarray(vectors), objects) for vectors in (hits.points, hits.normals))
         cos_incidence = -np.einsum("ir,ri->r", axes.astype(np.float32).T @ normals, self._toward)
@@ -91,7 +92,7 @@ class PictureRenderer:
         surfaces = SurfaceHits(points, normals, objects, distances, cos_incidence, distances * np.float32(self._pixel))
         lights = self._effects.lamp_lights(self._rays, position, axes, surfaces)
         radiance = self._scenery.radiance(surfaces, water.light, lamps, water.attenuation, lights, water.veil)
-        return underwater(radiance, ranges, water)
+        return underwater(radiance, ranges, water), ranges, objects
 
     def points(self, depth: bytes) -> bytes:
         """Return the points of a picture's depths in the sensor's axes (see CameraSample), nan where a depth is inf."""
