@@ -15,7 +15,6 @@ from hil.gateways.mavlink.flight.modes import Mode
 from tests.support.clients.mavlink_ground import Ground
 from tests.support.processes import PATIENCE_S, Program, free_port, wait_for, write_scenario
 
-POSITION_ONLY = 0b110111111000
 LAYOUT = (
     '[mavlink]\nendpoints = ["udpin:127.0.0.1:{udp}", "tcpin:127.0.0.1:{tcp}"]\nparameters = "{file}"\nlogs = "{logs}"'
 )

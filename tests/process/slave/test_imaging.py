@@ -25,9 +25,10 @@ from tests.support.clients.imaging_slave import (
     WIDTH,
     has_all,
     start,
+    start_with_pillow,
     wait_for,
 )
-from tests.support.processes import ROOT, Program, write_scenario
+from tests.support.processes import ROOT, write_scenario
 
 pytestmark = pytest.mark.timeout(280)
 
@@ -111,14 +112,6 @@ def test_the_single_link_of_the_imaging_process_is_not_cut(tmp_path: Path) -> No
         assert wait_for(session.links)
         assert len(session.links()) == 1
         assert not session.has_pairs
-
-
-def start_with_pillow(folder: Path, text: str) -> Program:
-    """Return a slave whose Pillow package consists of this text."""
-    package = folder / "other" / "PIL"
-    package.mkdir(parents=True)
-    (package / "__init__.py").write_text(text)
-    return start(folder, environment={"PYTHONPATH": str(package.parent)})[0]
 
 
 def test_a_missing_package_is_reported_once(tmp_path: Path) -> None:

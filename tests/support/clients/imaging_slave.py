@@ -41,6 +41,14 @@ def start(folder: Path, sensors: str = SENSORS, environment: dict[str, str] | No
     return Program(folder, "slave", scenario, environment=environment), f"tcp/127.0.0.1:{port}"
 
 
+def start_with_pillow(folder: Path, text: str) -> Program:
+    """Return a slave whose Pillow package consists of this text."""
+    package = folder / "other" / "PIL"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(text)
+    return start(folder, environment={"PYTHONPATH": str(package.parent)})[0]
+
+
 @contextmanager
 def watched_slave(folder: Path) -> Iterator[tuple[Program, VehicleClient]]:
     """Provide a slave with these sensors that is ready, and a client that has subscribed to all its pictures."""

@@ -15,6 +15,7 @@ from tests.support.clients.imaging_slave import (
     has_all,
     kill_and_wait,
     start,
+    start_with_pillow,
     wait_for,
     watched_slave,
 )
@@ -109,14 +110,6 @@ def test_the_imaging_process_ends_with_the_slave(slave: tuple[Program, VehicleCl
     assert wait_for(lambda: not is_running(pid))
     assert "Traceback" not in program.output
     assert "the imaging process ended" not in program.output
-
-
-def start_with_pillow(folder: Path, text: str) -> Program:
-    """Return a slave whose Pillow package consists of this text."""
-    package = folder / "other" / "PIL"
-    package.mkdir(parents=True)
-    (package / "__init__.py").write_text(text)
-    return start(folder, environment={"PYTHONPATH": str(package.parent)})[0]
 
 
 def test_the_reason_of_its_end_is_reported_and_restarts_become_rarer(tmp_path: Path) -> None:

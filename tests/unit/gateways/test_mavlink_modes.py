@@ -11,7 +11,7 @@ from hil.gateways.mavlink.flight.targets import local_target
 from hil.gateways.mavlink.snapshot import NEUTRAL
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
 
-ACCEPTED, FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
+ACCEPTED = dialect.MAV_RESULT_ACCEPTED
 ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
 POSITION_ONLY, VELOCITY_ONLY = 0b110111111000, 0b110111000111
 

@@ -1,7 +1,6 @@
 """The slave's loop: what it calls in each step, whom it tells of changes, and how a lost link ends with it."""
 
 import threading
-from collections.abc import Iterator
 from typing import Any, cast
 
 import pytest
@@ -16,7 +15,9 @@ from sim.run_events import PERIOD_NS
 from sim.vehicle.failures import Failure
 from tests.support.links.bench_link import BenchLink
 from tests.support.processes import wait_for
-from tests.unit.slave.test_vehicle_services import STEP_NS, Vehicle
+from tests.unit.slave.test_vehicle_services import STEP_NS, Vehicle, vehicle
+
+__all__ = ["vehicle"]  # the fixture
 
 UPSIDE_DOWN = (0.0, 1.0, 0.0, 0.0)
 
@@ -34,13 +35,6 @@ class Calls:
 
     def of(self, name: str) -> list[list[Any]]:
         return [arguments for called, *arguments in self.made if called == name]
-
-
-@pytest.fixture
-def vehicle() -> Iterator[Vehicle]:
-    made = Vehicle()
-    yield made
-    made.close()
 
 
 def test_each_step_is_observed_before_it_and_its_samples_reach_source_and_publisher(

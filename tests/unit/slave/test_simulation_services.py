@@ -12,16 +12,11 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.slave.ros.simulation import FEATURES, MAX_STEPS, PAUSE_FEATURES
 from sim.rotations import from_euler
 from sim.tether import Tether, TetherKeys
-from tests.unit.slave.test_vehicle_services import Vehicle, pose
+from tests.unit.slave.test_vehicle_services import Vehicle, pose, vehicle
+
+__all__ = ["vehicle"]  # the fixture
 
 OK, UNSUPPORTED, NOT_FOUND, FAILED, ALREADY = 1, 0, 2, 4, 101
-
-
-@pytest.fixture
-def vehicle() -> Iterator[Vehicle]:
-    made = Vehicle()
-    yield made
-    made.close()
 
 
 def call(vehicle: Vehicle, name: str, **request: Any) -> Any:

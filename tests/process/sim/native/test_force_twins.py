@@ -33,7 +33,7 @@ from tests.support.flights.ride import PULSES, Ride, twins
 
 pytestmark = pytest.mark.usefixtures("native")
 
-REMUS, TETHYS, BLUEROV = (load_vehicle(name)[0] for name in ("remus100", "tethys", "bluerov2"))
+REMUS, TETHYS = (load_vehicle(name)[0] for name in ("remus100", "tethys"))
 EXTENT = (-500.0, 500.0, -500.0, 500.0)
 SWELL = Waves(1.5, 6.0, spread=0.3, components=20)
 CALM = World("calm", "test", EXTENT, 60.0, current=(0.1, -0.05, 0.02), wind=Wind(8.0, -1.0))
