@@ -70,8 +70,8 @@ def test_a_column_has_the_labels_of_its_record() -> None:
         ("startup", Figure([0.36], "s"), "start-up to the first sample: 0.360 s, the budget is 0.350 s"),
         ("memory", Figure([41.0], "MiB"), "slave memory: 41.0 MiB, the budget is 40.0 MiB"),
         ("slave_cpu", Figure([4.0, 5.1, 6.0], "% of a core"), "5.10 % of a core, the budget is 5.00 % of a core"),
-        ("delay_p50", Figure([1.01], "ms"), "command delay p50: 1.01 ms, the budget is 1 ms"),
-        ("delay_p99", Figure([3.1], "ms"), "command delay p99: 3.1 ms, the budget is 3 ms"),
+        ("delay_p50", Figure([1.01], "ms"), "command delay p50: 1.01 ms, the budget is 1.00 ms"),
+        ("delay_p99", Figure([3.1], "ms"), "command delay p99: 3.10 ms, the budget is 3.00 ms"),
         ("startup", Figure([], "s"), "not measured, the budget is 0.350 s"),
     ],
 )
