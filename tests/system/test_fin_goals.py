@@ -21,7 +21,8 @@ def test_all_goals_are_reached_from_all_headings(name: str, current: tuple[float
             outcome, plan, vehicle = fly_fins(scenario, OPEN._replace(current=current))
             assert outcome.success, (goal, heading, outcome.verdict)
             assert outcome.goal_error <= plan.request.master.tolerance
-            assert vehicle.simulation.state.position[2] == pytest.approx(10.0, abs=0.3)
+            # A straight approach dives all the way, and its depth lags behind the slope.
+            assert vehicle.simulation.state.position[2] == pytest.approx(10.0, abs=0.6)
 
 
 @pytest.mark.parametrize("name", TORPEDOES)
