@@ -9,9 +9,12 @@
 An instrument does no I/O and has no clock: the process calls it with the time (monotonic ns), one call after another,
 and it answers by `send`. It never raises on what comes off a wire: it counts that in `malformed` and goes on. It is
 made again whenever its power comes back; only `facts.memory` outlives that, as the flash memory of a device does.
+
+What it does by itself stands in `timers`: a function of two arguments, when it was due and the time now (monotonic ns),
+and when that is. A function is taken out before it is called; one that comes again and again puts itself in again.
 """
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple, Protocol
 
@@ -69,86 +72,6 @@ class Response(NamedTuple):
     stream: Iterator[bytes] | None = None
 
 
-Send = Callable[[bytes, Client | None, int], None]  # as `Instrument.send`
-
-
-class NoSettings(NamedTuple):
-    """Settings of an instrument that has none."""
-
-
-class Instrument(ABC):  # noqa: B024  # every method has a sensible default
-    """One instrument from power on to power off.
-
-    `Model` is the record of its settings, the keys of [sensors.NAME.settings]. `sensors` are the kinds of sensors that
-    it may be. `at` are the addresses where it stands unless the scenario names others, `wires` the kinds of its wires.
-    It takes the topic of its sensor with `part` at its end; `also` are further topics, such as "odom". `baud` is that
-    of a serial line until its address names another; with `automatic` bytes it takes the speed at which a client of a
-    pty sends these. `first` are the bytes that the first message of a new client may begin with, if those are known:
-    one that begins otherwise, such as a web page, is refused. One that `is_interactive` measures by the scene, which
-    takes time: it gets a process of its own, so that the others do not wait. `warm_up_s` is the time from power on
-    until it answers and measures, `delay_s` the one from measuring to sending that its maker names, 0 if none.
-    """
-
-    Model: type[Any] = NoSettings
-    sensors: tuple[str, ...] = ()
-    at: tuple[str, ...] = ()
-    wires: tuple[WireKind, ...] = ("tcp", "udp", "udpout", "serial", "pty")
-    part = ""
-    also: tuple[str, ...] = ()
-    baud = 115_200
-    automatic = b""
-    first = b""
-    is_interactive = False
-    warm_up_s = 0.0
-    delay_s = 0.0
-
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        self.settings, self.facts, self.scene = settings, facts, scene
-        self._send = send
-        self.baud = facts.baud
-        self.change_baud: Callable[[int], None] = lambda _: None  # the process sets it
-        self.malformed = 0  # messages off a wire that were not understood
-
-    def send(self, data: bytes, to: Client | None = None, measured_ns: int = 0) -> None:
-        """Send bytes to one client; without `to` to all that are there.
-
-        A message that carries a measurement gives the instant of that (monotonic ns), for the measurement of delays.
-        """
-        self._send(data, to, measured_ns)
-
-    def set_baud(self, baud: int) -> None:
-        """Change the speed (bit/s) of its lines, if it is another, once what was sent has gone out."""
-        if baud != self.baud:
-            self.baud = baud
-            self.change_baud(baud)
-
-    def start(self, now_ns: int) -> None:  # noqa: B027
-        """Begin: the warm-up is over."""
-
-    def connected(self, client: Client, now_ns: int) -> None:  # noqa: B027
-        """Take up a new client; a serial line has one from the start, UDP one from its first datagram on."""
-
-    def disconnected(self, client: Client, now_ns: int) -> None:  # noqa: B027
-        """Forget a client."""
-
-    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:  # noqa: B027
-        """Take bytes of a client, in any pieces (UDP: one datagram). Never raises."""
-
-    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:  # noqa: B027
-        """Take a sample of the vehicle: of its sensor (`facts.topic`) or of a topic in `also`.
-
-        `stamped.value` is in NED and FRD with `time_ns` since 1970; `stamped.sent_ns` is the same instant, monotonic.
-        """
-
-    def tick(self, now_ns: int) -> int:
-        """Do what is due; return when (monotonic ns) to be called again. Called after every other call too."""
-        return NEVER_NS
-
-    def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
-        """Answer a request of HTTP, in the same thread as all else. Never raises."""
-        return Response(b"", 404)
-
-
 class Reader(Protocol):
     """Finds the messages in the bytes of one client, and counts in `malformed` what is none."""
 
@@ -173,25 +96,75 @@ class Lines:
         return filter(None, lines)
 
 
-class StreamInstrument(Instrument):
-    """Hands on each message of a client: by default each line, of which `longest` bytes count."""
+Send = Callable[[bytes, Client | None, int], None]  # as `Instrument.send`
 
+
+class NoSettings(NamedTuple):
+    """Settings of an instrument that has none."""
+
+
+class Instrument(ABC):  # noqa: B024  # every method has a sensible default
+    """One instrument from power on to power off.
+
+    `Model` is the record of its settings, the keys of [sensors.NAME.settings]. `sensors` are the kinds of sensors that
+    it may be. `at` are the addresses where it stands unless the scenario names others, `wires` the kinds of its wires.
+    It takes the topic of its sensor with `part` at its end; `also` are further topics, such as "odom". `baud` is that
+    of a serial line until its address names another; with `automatic` bytes it takes the speed at which a client of a
+    pty sends these. `first` are the bytes that the first message of a new client may begin with, if those are known:
+    one that begins otherwise, such as a web page, is refused. One that `is_interactive` measures by the scene, which
+    takes time: it gets a process of its own, so that the others do not wait. `warm_up_s` is the time from power on
+    until it answers and measures, `delay_s` the one from measuring to sending that its maker names, 0 if none.
+    """
+
+    Model: type[Any] = NoSettings
+    sensors: tuple[str, ...] = ()
+    at: tuple[str, ...] = ()
+    wires: tuple[WireKind, ...] = ("tcp", "serial", "pty")
+    part = ""
+    also: tuple[str, ...] = ()
+    baud = 115_200
+    automatic = b""
+    first = b""
     longest = 256
+    is_interactive = False
+    warm_up_s = 0.0
+    delay_s = 0.0
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
+        self.settings, self.facts, self.scene = settings, facts, scene
+        self._send = send
+        self.baud = facts.baud
+        self.change_baud: Callable[[int], None] = lambda _: None  # the process sets it
+        self.malformed = 0  # messages off a wire that were not understood
         self.readers: dict[Client, Any] = {}  # by the clients that are there
+        self.timers: dict[Callable[[int, int], object], int] = {}  # what is to be done -> when
+        self.prepare()
+
+    def prepare(self) -> None:  # noqa: B027
+        """Set its state at power on."""
+
+    def send(self, data: bytes, to: Client | None = None, measured_ns: int = 0) -> None:
+        """Send bytes to one client; without `to` to all that are there.
+
+        A message that carries a measurement gives the instant of that (monotonic ns), for the measurement of delays.
+        """
+        self._send(data, to, measured_ns)
+
+    def set_baud(self, baud: int) -> None:
+        """Change the speed (bit/s) of its lines, if it is another, once what was sent has gone out."""
+        if baud != self.baud:
+            self.baud = baud
+            self.change_baud(baud)
+
+    def start(self, now_ns: int) -> None:  # noqa: B027
+        """Begin: the warm-up is over."""
 
     def new_reader(self, client: Client) -> Reader:
-        """Return the reader of a client."""
+        """Return the reader of a client: by default of lines, of which `longest` bytes count."""
         return Lines(self.longest)
 
-    @abstractmethod
-    def on_message(self, client: Client, message: Any, now_ns: int) -> None:
-        """Carry out a message. Never raises."""
-
     def connected(self, client: Client, now_ns: int) -> None:
-        """Take up a client."""
+        """Take up a new client; a serial line has one from the start, UDP one from its first datagram on."""
         self.readers[client] = self.new_reader(client)
 
     def disconnected(self, client: Client, now_ns: int) -> None:
@@ -199,8 +172,29 @@ class StreamInstrument(Instrument):
         self.readers.pop(client, None)
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
-        """Hand on the messages that are complete."""
+        """Take bytes of a client, in any pieces (UDP: one datagram), and hand on the messages that are complete."""
         reader = self.readers[client]
         for message in reader.read(data, now_ns):
             self.on_message(client, message, now_ns)
         self.malformed, reader.malformed = self.malformed + reader.malformed, 0
+
+    def on_message(self, client: Client, message: Any, now_ns: int) -> None:  # noqa: B027
+        """Carry out a message of a client. Never raises."""
+
+    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:  # noqa: B027
+        """Take a sample of the vehicle: of its sensor (`facts.topic`) or of a topic in `also`.
+
+        `stamped.value` is in NED and FRD with `time_ns` since 1970; `stamped.sent_ns` is the same instant, monotonic.
+        """
+
+    def tick(self, now_ns: int) -> int:
+        """Do what is due; return when (monotonic ns) to be called again. Called after every other call too."""
+        while (due_ns := min(self.timers.values(), default=NEVER_NS)) <= now_ns:
+            happen = next(each for each, at_ns in self.timers.items() if at_ns == due_ns)
+            del self.timers[happen]
+            happen(due_ns, now_ns)
+        return due_ns
+
+    def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
+        """Answer a request of HTTP, in the same thread as all else. Never raises."""
+        return Response(b"", 404)

@@ -6,12 +6,12 @@ requests only; pressure in bar, temperature in °C, numbers big endian.
 
 from collections.abc import Iterator
 from struct import pack, unpack
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.clock import NS_PER_MS
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Reader, Scene, Send, StreamInstrument
+from hil.instruments.contract import Client, Instrument, Reader
 from hil.links.frame.checksums import CRCS, crc_checksum
 
 _CRC = crc_checksum(CRCS["crc16-modbus"])
@@ -61,7 +61,7 @@ class Requests:
                 self._buffer, self.malformed = b"", self.malformed + 1
 
 
-class Keller33X(StreamInstrument):
+class Keller33X(Instrument):
     """The transmitter. Its zero, gain, offset and address can be set, and are kept.
 
     A request reads the last sample. The device measures 400 times a second, so give the sensor a high rate.
@@ -69,14 +69,13 @@ class Keller33X(StreamInstrument):
 
     Model = KellerSettings
     sensors = ("pressure",)
-    wires = ("tcp", "serial", "pty")
     baud = 9600
     warm_up_s = 0.25
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
-        self._kept = facts.memory
-        self._kept.setdefault("address", settings.address)
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        self._kept = self.facts.memory
+        self._kept.setdefault("address", self.settings.address)
         self._coefficients: dict[int, float] = self._kept.setdefault("coefficients", {_OFFSET: 0.0, _GAIN: 1.0})
         self._is_initialised = False
         self._bar: float | None = None

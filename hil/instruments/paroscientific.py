@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send, StreamInstrument
+from hil.instruments.contract import Client, Instrument
 
 _COMMAND = re.compile(rb"\*(\d\d)(\d\d)([A-Z]{2}|[A-Z]\d)(?:=([^*\r\n]{1,8}))?")
 _ALL = b"99"
@@ -28,7 +28,7 @@ class DigiquartzSettings(NamedTuple):
     temperature: Annotated[float, Range(-10.0, 80.0, "°C")] = 10.0
 
 
-class Digiquartz(StreamInstrument):
+class Digiquartz(Instrument):
     """The transmitter: P3 and Q3 return pressure and temperature, P4 pressure until another command comes.
 
     A parameter (unit UN, address ID, and PR, TR, PI, TI, MD, which have no effect) is set by XX=value just after EW, on
@@ -37,16 +37,15 @@ class Digiquartz(StreamInstrument):
 
     Model = DigiquartzSettings
     sensors = ("pressure",)
-    wires = ("tcp", "serial", "pty")
     baud = 9600
     first = b"*\r\n"
     warm_up_s = 1.0
     longest = 80
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
-        self._kept: dict[str, Any] = facts.memory
-        self._kept |= _PARAMETERS | {"ID": settings.address} | self._kept
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        self._kept: dict[str, Any] = self.facts.memory
+        self._kept |= _PARAMETERS | {"ID": self.settings.address} | self._kept
         self._may_write = self._is_continuous = False
         self._pascal = 0.0
         self._measured_ns = 0

@@ -13,15 +13,16 @@ import json
 import struct
 from collections.abc import Iterable, Mapping
 from datetime import datetime, timezone
+from functools import partial
 from ipaddress import ip_address
 from math import pi
 from typing import Annotated, Any, NamedTuple
 from zlib import crc32
 
 from hil.client.client import Stamped
-from hil.common.clock import NEVER_NS, NS_PER_S, to_wall_ns
+from hil.common.clock import NS_PER_S, to_wall_ns
 from hil.common.schema import Range
-from hil.instruments.contract import Facts, Instrument, Response, Scene, Send, datagrams_to
+from hil.instruments.contract import Instrument, Response, datagrams_to
 from hil.instruments.layout import fits, read_device
 from sim.rotations import rotate_inverse
 from sim.sensors.imaging.range_image import RangeImageModel, RangeImager, RangeImageSample
@@ -64,23 +65,21 @@ class Sonar3D(Instrument):
     is_interactive = True
     also = ("imu",)
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
+    def prepare(self) -> None:
+        """Set its state at power on."""
         self._rules: dict[str, dict[str, Any]] = read_device("sonar_3d")
         first = {name: rule["first"] for name, rule in self._rules.items()}
-        self._kept: dict[str, Any] = facts.memory.setdefault("settings", first)
+        self._kept: dict[str, Any] = self.facts.memory.setdefault("settings", first)
         self._built: tuple[Any, ...] = ()
         self._imager: Any = None
-        self._due_ns = self._ready_ns = NEVER_NS
-        self._packets: tuple[bytes, ...] = ()
         self._sequence = self._batches = 0
         self._inertial: list[ImuSample] = []
         self._offset_ns = 0  # of its clock, which a client may set
-        self._rotation = facts.mounting.quaternion
+        self._rotation = self.facts.mounting.quaternion
 
     def start(self, now_ns: int) -> None:
         """Begin to measure."""
-        self._due_ns = now_ns
+        self.timers[self._measure] = now_ns
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Collect inertial samples, if they are asked for."""
@@ -91,28 +90,18 @@ class Sonar3D(Instrument):
             forces = [x for sample in self._inertial for x in rotate_inverse(self._rotation, sample.acceleration)]
             rates = [x for sample in self._inertial for x in rotate_inverse(self._rotation, sample.angular_velocity)]
             times = [sample.time_ns + self._offset_ns for sample in self._inertial]
-            self._emit(imu_batch(self._batches, times, forces, rates), stamped.sent_ns)
+            self._emit((imu_batch(self._batches, times, forces, rates),), stamped.sent_ns)
             self._batches += 1
             self._inertial.clear()
 
-    def tick(self, now_ns: int) -> int:
-        """Measure an image when it is due; send it when its last echo has come."""
-        if self._ready_ns <= now_ns:
-            for packet in self._packets:
-                self._emit(packet, self._ready_ns)
-            self._ready_ns = NEVER_NS
-        if self._due_ns <= now_ns:
-            self._due_ns = max(self._due_ns + NS_PER_S // _MODES[self._kept["acoustics/mode"]][0], now_ns)
-            if self._kept["acoustics/enabled"] and self._kept["udp"]["mode"] != "disabled":
-                self._image(now_ns)
-        return min(self._due_ns, self._ready_ns)
-
-    def _image(self, now_ns: int) -> None:
+    def _measure(self, due_ns: int, now_ns: int) -> None:
+        """Measure an image, which is sent when its last echo has come."""
         kept = self._kept
-        _, across, frequency = _MODES[kept["acoustics/mode"]]
+        rate, across, frequency = _MODES[kept["acoustics/mode"]]
+        self.timers[self._measure] = max(due_ns + NS_PER_S // rate, now_ns)
         reach, speed = kept["acoustics/range"], kept["acoustics/speed_of_sound"]
         state = self.scene.state(now_ns)
-        if state is None:
+        if state is None or not kept["acoustics/enabled"] or kept["udp"]["mode"] == "disabled":
             return
         # The device converts times with the speed that it was given.
         scale = speed / self.facts.sound_speed(self.facts.mounting.depth(state))
@@ -135,16 +124,17 @@ class Sonar3D(Instrument):
         ranges = np.clip(np.rint(sample.ranges * (scale / _SCALE)), 0, 0xFFFF)
         levels = 100.0 * np.log10(np.maximum(sample.strengths, 30.0) / 30.0)
         strengths = strength_image(head, view, np.clip(levels, 0, 255).astype(np.uint8).tobytes())
-        self._packets = range_image(head, view, _SCALE, ranges), strengths
-        self._ready_ns = now_ns + round(2e9 * reach["max"] / speed)
+        packets = range_image(head, view, _SCALE, ranges), strengths
+        self.timers[partial(self._emit, packets)] = now_ns + round(2e9 * reach["max"] / speed)
 
-    def _emit(self, packet: bytes, measured_ns: int) -> None:
-        """Send a packet to where the settings say."""
+    def _emit(self, packets: Iterable[bytes], measured_ns: int, _: int = 0) -> None:
+        """Send packets to where the settings say."""
         udp = self._kept["udp"]
         if udp["mode"] != "disabled":
             given = udp["unicast_destination_ip"], udp["unicast_destination_port"]
             to = _GROUP if udp["mode"] == "multicast" else given
-            self.send(packet, datagrams_to(*to), measured_ns=measured_ns)
+            for packet in packets:
+                self.send(packet, datagrams_to(*to), measured_ns=measured_ns)
 
     def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
         """Answer a request of HTTP."""

@@ -14,7 +14,7 @@ from hil.client.client import Stamped
 from hil.common.clock import NS_PER_S
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from hil.instruments.contract import Facts, Instrument, Response, Scene, Send
+from hil.instruments.contract import Instrument, Response
 from hil.instruments.layout import fits, read_device
 from sim.geodesy import TangentPlane
 from sim.sensors.extra_samples import PositionSample
@@ -75,21 +75,21 @@ class Ugps(Instrument):
     at = ("http:127.0.0.1:8080",)
     wires = ("http",)
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
+    def prepare(self) -> None:
+        """Set its state at power on."""
         device = read_device("ugps")
         self._rules: dict[str, Any] = device["records"]
         self._no_master: dict[str, Any] = device["no_master"]
-        self._station: Vector3 = facts.model.station
-        self._true_speed = facts.model.assumed_speed or facts.sound_speed(self._station[2])
-        self._stored: dict[str, Any] = facts.memory.setdefault("records", {})
+        self._station: Vector3 = self.facts.model.station
+        self._true_speed = self.facts.model.assumed_speed or self.facts.sound_speed(self._station[2])
+        self._stored: dict[str, Any] = self.facts.memory.setdefault("records", {})
         if not self._stored:
             self._reset()
         # What a client gave since power on, with the time.
         self._given: dict[str, tuple[int, dict[str, Any]]] = {"orientation": (0, {"orientation": -1})}
         self._sample: tuple[int, PositionSample] | None = None
         self._tracks = [Track() for _ in range(3)]
-        self._patience_ns = max(2 * NS_PER_S, round(3e9 / facts.model.rate))
+        self._patience_ns = max(2 * NS_PER_S, round(3e9 / self.facts.model.rate))
 
     def _reset(self) -> Response:
         self._stored.update(read_device("ugps")["first"], poi={})

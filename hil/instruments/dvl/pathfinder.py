@@ -16,7 +16,7 @@ from hil.client.client import Stamped
 from hil.common.clock import NS_PER_S
 from hil.common.schema import Range
 from hil.common.vectors import Quaternion
-from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.contract import Client, Instrument
 from hil.instruments.layout import read_device
 from sim.rotations import rotate, to_euler
 from sim.sensors.samples import DvlSample
@@ -27,8 +27,8 @@ _BEAM, _EARTH = 0, 3  # coordinates, by the first two digits of EX; 1 and 2 are 
 _BANNER = b"\r\nPathfinder\r\nTeledyne RD Instruments (c) 2017\r\nAll rights reserved.\r\nFirmware Version: 67.01\r\n>"
 _COMMAND = re.compile(r"#?([A-Z]{2}) ?([-+0-9:.?]*)$")
 _SPEEDS = (300, 1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200)  # bit/s, by the first digit of CB
+_BREAK = re.compile(b"===|[+]{3}")
 _ACTIONS = ("CK", "CR", "CS", "PA", "PS")
-_LONGEST = 80
 
 
 class PathfinderSettings(NamedTuple):
@@ -47,17 +47,16 @@ class Pathfinder(Instrument):
 
     Model = PathfinderSettings
     sensors = ("dvl",)
-    wires = ("tcp", "serial", "pty")
     warm_up_s = 1.0
+    longest = 80
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
-        kept: dict[str, str] = facts.memory.setdefault("values", {})
-        speed = {"CB": f"{_SPEEDS.index(facts.baud)}11"} if facts.baud in _SPEEDS else {}
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        kept: dict[str, str] = self.facts.memory.setdefault("values", {})
+        speed = {"CB": f"{_SPEEDS.index(self.facts.baud)}11"} if self.facts.baud in _SPEEDS else {}
         self._device: dict[str, Any] = read_device("pathfinder")
-        self._values = self._device["factory"] | speed | {"CT": str(int(settings.turnkey))} | kept
+        self._values = self._device["factory"] | speed | {"CT": str(int(self.settings.turnkey))} | kept
         self._is_pinging = self._values["CT"] == "1"
-        self._buffers: dict[Client, str] = {}
         self._ensembles = 0
 
     def start(self, now_ns: int) -> None:
@@ -66,26 +65,23 @@ class Pathfinder(Instrument):
         if not self._is_pinging:
             self.send(_BANNER)
 
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client."""
-        self._buffers.pop(client, None)
-
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Carry out commands, echoing them; while it pings only a break is taken."""
-        for character in data.upper().decode("latin-1"):
-            buffer = self._buffers.get(client, "") + character
-            if buffer.endswith(("===", "+++")):
-                self._is_pinging, buffer = False, ""
-                self.send(_BANNER)
-            elif self._is_pinging:
-                buffer = buffer[-2:]
-            elif character in "\r\n":
-                if buffer.strip():
-                    self._execute(client, buffer.strip())
-                buffer = ""
-            self._buffers[client] = buffer[-_LONGEST:]
+        reader = self.readers[client]
+        *broken, rest = _BREAK.split(reader.rest + data.upper())
+        for text in broken:
+            reader.rest = b""
+            super().on_data(client, text, now_ns)
+            self._is_pinging = False
+            self.send(_BANNER)
+        reader.rest = b""
+        super().on_data(client, rest, now_ns)
 
-    def _execute(self, client: Client, line: str) -> None:
+    def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
+        """Carry out a command."""
+        line = message.decode("latin-1").strip()
+        if self._is_pinging or not line:
+            return
         found = _COMMAND.match(line)
         name, value = found.groups() if found else ("", "")
         answer = ""

@@ -5,14 +5,12 @@ The rate falls with the altitude, up to the rate of the simulated sensor. Source
 """
 
 import json
-from collections import deque
-from collections.abc import Callable
 from typing import Any
 
 from hil.client.client import Stamped
-from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
+from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
 from hil.common.errors import ConfigError
-from hil.instruments.contract import Client, Facts, Lines, Scene, Send, StreamInstrument
+from hil.instruments.contract import Client, Instrument, Lines
 from hil.instruments.dvl.formats import FORMATS, crc8, json_line, line, word
 from hil.instruments.dvl.report import OPTIONS, DeadReckoning, DvlSettings, RangeMode, Report, with_fix
 from sim.rotations import multiply
@@ -30,27 +28,24 @@ PROTOCOLS = {0: "", 1: "all lines", 2: "pd6", 3: "lines", 6: "pd4"}  # by the nu
 FLAGS = {"y": True, "n": False}
 
 
-class Dvl(StreamInstrument):
+class Dvl(Instrument):
     """A Doppler velocity log, from its power on."""
 
     Model = DvlSettings
     sensors = ("dvl",)
-    wires = ("tcp", "serial", "pty")
     at = ("tcp:127.0.0.1:16171",)
     also = ("odom", "imu", "dvl_water")
     first = b"{ \t\r\n"  # of JSON: a web page that posts to the port is refused
     delay_s = 0.004  # typical latency of a message over TCP
     product, most_m = "", 0.0
 
-    def __init__(self, settings: DvlSettings, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
-        self._kept: dict[str, DvlSettings] = facts.memory  # what outlives the power
-        self._kept.setdefault("config", settings)
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        self._kept: dict[str, DvlSettings] = self.facts.memory  # what outlives the power
+        self._kept.setdefault("config", self.settings)
         self._reckoning, self._mode = DeadReckoning(), RangeMode()
         self._triggers = 0  # pings that wait
-        self._calibrations: deque[tuple[int, Callable[[], None]]] = deque()  # when they end, and what then
         self._due_ns = self._last_ns = self._cycle_ns = self._imu_ns = 0
-        self._position_ns = NEVER_NS
         self._attitude = self._orientation = (1.0, 0.0, 0.0, 0.0)  # of the vehicle and of the sensor's axes, NED
         self._depth = 0.0
 
@@ -60,7 +55,7 @@ class Dvl(StreamInstrument):
 
     def start(self, now_ns: int) -> None:
         """Begin to ping."""
-        self._position_ns, self._cycle_ns = now_ns, now_ns + CYCLE_NS
+        self.timers[self._send_position], self._cycle_ns = now_ns, now_ns + CYCLE_NS
 
     def new_reader(self, client: Client) -> Lines:
         """Return the reader of a client."""
@@ -88,16 +83,8 @@ class Dvl(StreamInstrument):
             self._reckoning.turn(self._orientation, self._config.mounting_rotation_offset)
 
     def tick(self, now_ns: int) -> int:
-        """Send what is due: dead reckoning, answers of calibrations, refusals of incomplete lines."""
-        if now_ns >= self._position_ns:
-            self._position_ns = max(self._position_ns + POSITION_NS, now_ns)
-            for client in self.readers:
-                encode = FORMATS.get(self._format(client), (None, None))[1]
-                if encode:
-                    self.send(encode(self._reckoning, now_ns), client)
-        while self._calibrations and self._calibrations[0][0] <= now_ns:
-            self._calibrations.popleft()[1]()
-        due_ns = min(self._position_ns, self._calibrations[0][0] if self._calibrations else NEVER_NS)
+        """Send what is due, and refuse incomplete lines."""
+        due_ns = super().tick(now_ns)
         for client, lines in self.readers.items():
             if lines.rest and client.kind != "tcp":
                 until_ns = lines.read_ns + PAUSE_NS
@@ -107,6 +94,13 @@ class Dvl(StreamInstrument):
                 else:
                     due_ns = min(due_ns, until_ns)
         return due_ns
+
+    def _send_position(self, due_ns: int, now_ns: int) -> None:
+        self.timers[self._send_position] = max(due_ns + POSITION_NS, now_ns)
+        for client in self.readers:
+            encode = FORMATS.get(self._format(client), (None, None))[1]
+            if encode:
+                self.send(encode(self._reckoning, now_ns), client)
 
     def _is_due(self, measured_ns: int) -> bool:
         """Return whether the device pings now: by its rate, or because a ping was triggered."""
@@ -179,7 +173,7 @@ class Dvl(StreamInstrument):
             self.send(json_line("response", fields), client)
 
         if command == "calibrate_gyro":
-            self._calibrations.append((now_ns + CALIBRATION_NS, respond))
+            self.timers[lambda *_: respond()] = now_ns + CALIBRATION_NS
             return
         try:
             respond(self._execute(command, parameters))
@@ -225,7 +219,7 @@ class Dvl(StreamInstrument):
             case ["wcx"]:
                 return ("wra" if self._trigger() else "wrn",)
             case ["wcg"]:
-                self._calibrations.append((now_ns + CALIBRATION_NS, lambda: self._reply(client, "wra")))
+                self.timers[lambda *_: self._reply(client, "wra")] = now_ns + CALIBRATION_NS
                 return ()
             case ["wcp", number]:
                 if number not in map(str, PROTOCOLS):

@@ -1,12 +1,11 @@
 """A u-blox receiver of the ninth generation: sentences and UBX messages by its configuration, a fix at the surface."""
 
 from random import Random
-from typing import Any
 
 from hil.client.client import Stamped
-from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, to_wall_ns
+from hil.common.clock import NS_PER_MS, NS_PER_S, to_wall_ns
 from hil.common.vectors import Vector3
-from hil.instruments.contract import Client, Facts, Reader, Scene, Send, StreamInstrument
+from hil.instruments.contract import Client, Instrument, Reader
 from hil.instruments.gps import configuration as keys
 from hil.instruments.gps import nmea, ubx
 from hil.instruments.gps.sky import SPEED_ACCURACY, Epoch, make_epoch
@@ -17,7 +16,7 @@ from sim.sensors.samples import Sensor
 _RESET, _COLD_START_S, _HOT_START_S = 0x04, 24.0, 2.0  # CFG-RST; NEO-M9N (data sheet)
 
 
-class Receiver(StreamInstrument):
+class Receiver(Instrument):
     """One receiver, which talks NMEA at 1 Hz until a client configures it.
 
     Position and loss of the fix under water are those of the sensor. If its configured rate is another than the
@@ -26,18 +25,16 @@ class Receiver(StreamInstrument):
     """
 
     sensors = ("gps",)
-    wires = ("tcp", "serial", "pty")
     baud = 38_400
     warm_up_s = 0.5
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
-        stored = facts.memory.setdefault("values", {keys.BAUD: facts.baud})
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        stored = self.facts.memory.setdefault("values", {keys.BAUD: self.facts.baud})
         self._configuration = keys.Configuration(stored)
-        self._random = Random(facts.seed)
+        self._random = Random(self.facts.seed)
         self._own: Sensor | None = None  # measures at the configured rate, if that is not the sensor's
         self._own_ms = 0
-        self._due_ns = NEVER_NS
         self._search_until_ns = 0
         self._epochs = 0
         self._last: Epoch | None = None
@@ -81,26 +78,22 @@ class Receiver(StreamInstrument):
             return
         self._own_ms = period_ms
         rate = 1000.0 / period_ms
-        if abs(rate - self.facts.model.rate) < 1e-3 * rate:
-            self._own, self._due_ns = None, NEVER_NS
-        else:
-            self._own = self.scene.build(self.facts.model._replace(rate=rate))
-            self._due_ns = now_ns + period_ms * NS_PER_MS
+        is_the_sensors = abs(rate - self.facts.model.rate) < 1e-3 * rate
+        self._own = None if is_the_sensors else self.scene.build(self.facts.model._replace(rate=rate))
+        self.timers[self._measure] = now_ns + period_ms * NS_PER_MS
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Send the messages of an epoch."""
         if self._own is None:
             self._send_epoch(stamped.value, stamped.sent_ns, now_ns)
 
-    def tick(self, now_ns: int) -> int:
+    def _measure(self, due_ns: int, now_ns: int) -> None:
         """Measure at the configured rate."""
-        if self._own and now_ns >= self._due_ns:
-            period_ns = self._own_ms * NS_PER_MS
-            self._due_ns += period_ns * (1 + (now_ns - self._due_ns) // period_ns)
+        if self._own:
+            self.timers[self._measure] = max(due_ns + self._own_ms * NS_PER_MS, now_ns)
             sample = self.scene.measure(self._own, now_ns)
             if isinstance(sample, FixSample):
                 self._send_epoch(sample._replace(time_ns=to_wall_ns(now_ns)), now_ns, now_ns)
-        return self._due_ns
 
     def _send_epoch(self, fix: FixSample, measured_ns: int, now_ns: int) -> None:
         if measured_ns < self._search_until_ns:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 
 from hil.common.clock import NEVER_NS
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.contract import Client
 from hil.instruments.ping.protocol import Byte
 from hil.instruments.ping.sounding import EchoSounder, Sounding
 
@@ -42,11 +42,12 @@ class Ping1D(EchoSounder):
     gains = [20.0 * log10(x / _GAIN_OF_MODEL) for x in (0.6, 1.8, 5.5, 12.9, 30.2, 66.1, 144.0)]  # noqa: RUF012
     measurements = DISTANCE_SIMPLE, DISTANCE, PROFILE
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
-        warmth = round(100 * settings.board_temperature)
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        super().prepare()
+        warmth = round(100 * self.settings.board_temperature)
         self.values |= {"pcb_temperature": warmth, "processor_temperature": warmth, "device_revision": self.revision}
-        self.values["voltage_5"] = round(1000 * settings.supply)
+        self.values["voltage_5"] = round(1000 * self.settings.supply)
         self.measured = dict(self.values)
         self._in_bootloader = False
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 
 from hil.common.clock import NEVER_NS
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.contract import Client
 from hil.instruments.ping.protocol import Byte, PingDevice
 from sim.sensors.imaging.samples import EchoSample
 from sim.sensors.imaging.scanning_sonar import ScanningSonar
@@ -52,18 +52,19 @@ class Ping360(PingDevice):
     table, first_id = "ping360", 2
     answered = ("transducer", "auto_transmit", "reset")
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        super().prepare()
         self.values |= {"device_type": 2, "version_minor": 1}
         self._sensor: Any = None
         self._keys: tuple[Any, ...] = ()
         self._steps: Iterator[int]  # of the command that is executed, for the client `_owner`
         self._owner: Client | None = None
-        self._next_ns, self._ready_ns = NEVER_NS, 0
+        self._ready_ns = 0
 
     def start(self, now_ns: int) -> None:
         """Load the world, which takes longer than a client waits for a ping."""
-        self._prepare()
+        self._tune()
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Answer requests and discovery, and execute commands; not while it restarts."""
@@ -76,17 +77,14 @@ class Ping360(PingDevice):
             return
         super().on_data(client, data, now_ns)
 
-    def tick(self, now_ns: int) -> int:
-        """Do what is due, while the client is there that has started it."""
-        if self._owner not in self.readers:
-            self._next_ns = NEVER_NS
-        while self._next_ns <= now_ns:
-            self._next_ns = next(self._steps, NEVER_NS)
-        return self._next_ns
+    def _go_on(self, *_: int) -> None:
+        """Go on with a command while the client is there that has given it."""
+        if self._owner in self.readers:
+            self.timers[self._go_on] = next(self._steps, NEVER_NS)
 
     def execute(self, client: Client, name: str, fields: dict[str, Any], now_ns: int) -> str:
         """Execute a command; return why not, or ""."""
-        self._next_ns = NEVER_NS
+        self.timers.clear()
         if name == "reset":
             self._ready_ns = now_ns + (_BOOTLOADER_NS if fields["bootloader"] else _RESTART_NS)
             self.values |= self.at_power_on
@@ -98,7 +96,7 @@ class Ping360(PingDevice):
             self.values |= {"angle": head, "transmit_duration": min(max(fields["transmit_duration"], 5), longest)}
             angle = fields["start_angle"] if name == "auto_transmit" else fields["angle"]
             self._owner, self._steps = client, self._run(client, angle, fields.get("transmit"), now_ns)
-            self._next_ns = next(self._steps)
+            self.timers[self._go_on] = next(self._steps)
         return ""
 
     def _run(self, client: Client, angle: int, transmit: int | None, at_ns: int) -> Iterator[int]:
@@ -132,7 +130,7 @@ class Ping360(PingDevice):
                 way = way if 0 <= at + way * step <= sector else -way
                 angle = (start + min(max(at + way * step, 0), sector)) % _TURN
 
-    def _prepare(self) -> None:
+    def _tune(self) -> None:
         """Build the simulated sensor for the settings, if they are others than before."""
         gain, duration, period, frequency, samples = keys = tuple(self.values[name] for name in _SOUND)
         if keys != self._keys:
@@ -146,7 +144,7 @@ class Ping360(PingDevice):
 
     def _measure(self, now_ns: int) -> bytes:
         """Return the echoes of a ping."""
-        self._prepare()
+        self._tune()
         self._sensor.aim((self.values["angle"] - self.settings.ahead) * 2.0 * pi / _TURN)
         sample = self.scene.measure(self._sensor, now_ns)
         return sample.echoes.intensities if isinstance(sample, EchoSample) else bytes(self.values["number_of_samples"])

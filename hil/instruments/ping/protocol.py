@@ -8,7 +8,7 @@ import struct
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Reader, Scene, Send, StreamInstrument
+from hil.instruments.contract import Client, Instrument, Reader
 from hil.instruments.layout import read_device, read_messages
 
 _START = b"BR"
@@ -65,7 +65,7 @@ class Decoder:
         return frames
 
 
-class PingDevice(StreamInstrument):
+class PingDevice(Instrument):
     """A device of the ping protocol: mainly its `table`, what may be read, the commands, their limits and values.
 
     `values` are the present values of all fields, by the fields' names; messages of the numbers `measurements` have
@@ -81,19 +81,19 @@ class PingDevice(StreamInstrument):
     measurements: tuple[int, ...] = ()
     answered: tuple[str, ...] = ()  # commands whose answer is another message than ack
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
+    def prepare(self) -> None:
+        """Set its state at power on."""
         table = read_device(self.table)
         self._readable, self._commands = read_messages(table["readable"]), read_messages(table["commands"])
         self._limits: dict[str, list[int]] = table["limits"]
         self.at_power_on: dict[str, Any] = table["values"]
-        major, minor, patch = (*settings.firmware, 0)[:3]
+        major, minor, patch = (*self.settings.firmware, 0)[:3]
         self.values: dict[str, Any] = dict.fromkeys(
             [field for each in self._readable.values() for field in each.fields], 0
         )
         self.values |= {
             "version_major": 1, "device_type": 1, "device_model": 1, "device_revision": 1,
-            "device_id": facts.memory.get("device_id", self.first_id), "firmware_version_major": major,
+            "device_id": self.facts.memory.get("device_id", self.first_id), "firmware_version_major": major,
             "firmware_version_minor": minor, "firmware_version_patch": patch, **self.at_power_on,
         }  # fmt: skip
         self.measured, self.data = self.values, b""

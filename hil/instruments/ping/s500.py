@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 from hil.common.clock import NEVER_NS
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.contract import Client
 from hil.instruments.ping.protocol import Byte
 from hil.instruments.ping.sounding import EchoSounder, Sounding
 
@@ -41,10 +41,11 @@ class S500(EchoSounder):
     covered, gain = ("start_mm", "used_length_mm", "sos_mm_per_sec"), "used_gain"
     gains = [_DB_A_GAIN * (number - _GAIN_OF_MODEL) for number in range(14)]  # noqa: RUF012
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
-        major, minor = settings.firmware
-        temperature = round(100 * settings.temperature)
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        super().prepare()
+        major, minor = self.settings.firmware
+        temperature = round(100 * self.settings.temperature)
         self.values |= {"version_major": major, "version_minor": minor, "centi_degC": temperature}
         self._last: deque[tuple[int, int]] = deque(maxlen=20)  # distance and confidence of pings
         self._host: Client
@@ -66,7 +67,7 @@ class S500(EchoSounder):
                 fields["used_length_mm"] = fields["length_mm"]
             if fields["gain_index"] >= 0:
                 fields["used_gain"] = fields["gain_index"]
-            self._host, self.next_ns = client, now_ns
+            self._host, self.timers[self.ping] = client, now_ns
         return super().execute(client, name, fields, now_ns)
 
     def interval_ns(self) -> int:

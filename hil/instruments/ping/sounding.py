@@ -4,8 +4,6 @@ from abc import abstractmethod
 from math import isfinite, isnan, pi
 from typing import Any, NamedTuple
 
-from hil.common.clock import NEVER_NS
-from hil.instruments.contract import Facts, Scene, Send
 from hil.instruments.ping.protocol import PingDevice
 from sim.rotations import from_euler, multiply, to_euler
 from sim.sensors.imaging.samples import EchoSample
@@ -48,14 +46,14 @@ class EchoSounder(PingDevice):
     gain = ""
     gains: list[float]
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        super().prepare()
         # The beam of a scanning sonar is about x. Its bearing around z does not matter: the beam is round.
-        turned = multiply(facts.mounting.quaternion, from_euler(0.0, -0.5 * pi, 0.0))
-        self._mounting = facts.mounting._replace(orientation=to_euler(turned))
+        turned = multiply(self.facts.mounting.quaternion, from_euler(0.0, -0.5 * pi, 0.0))
+        self._mounting = self.facts.mounting._replace(orientation=to_euler(turned))
         self._window: Window | None = None
         self._sensor: Any = None
-        self.next_ns = self._result_ns = NEVER_NS  # when it pings next, and reports
         self._sounding: tuple[float, Sounding]
 
     @abstractmethod
@@ -72,17 +70,7 @@ class EchoSounder(PingDevice):
 
     def start(self, now_ns: int) -> None:
         """Begin to ping."""
-        self.next_ns = now_ns
-
-    def tick(self, now_ns: int) -> int:
-        """Report and ping when it is due."""
-        if self._result_ns <= now_ns:
-            at_ns, self._result_ns = self._result_ns, NEVER_NS
-            end, sounding = self._sounding
-            self.report(end, end if isnan(sounding.distance) else sounding.distance, sounding, at_ns)
-        if self.next_ns <= now_ns:
-            self._ping(now_ns)
-        return min(self.next_ns, self._result_ns)
+        self.timers[self.ping] = now_ns
 
     def adapt(self, end: float, sounding: Sounding, the_range: bool, the_gain: bool) -> None:
         """Choose the next range, with the bottom at two thirds, and gain: the strongest echo high, within the limit."""
@@ -96,7 +84,8 @@ class EchoSounder(PingDevice):
             peak = max(sounding.profile)
             values[self.gain] = min(max(values[self.gain] + (peak < 100) - (peak >= 255), 0), len(self.gains) - 1)
 
-    def _ping(self, now_ns: int) -> None:
+    def ping(self, due_ns: int, now_ns: int) -> None:
+        """Ping, and say when it does next and reports."""
         values, listening_ns, measured = self.values, _PROCESSING_NS, None
         if self.is_on():
             start, length, speed = [values[name] / 1000.0 for name in self.covered]
@@ -104,8 +93,12 @@ class EchoSounder(PingDevice):
             listening_ns += round(2e9 * (start + length) / speed)
             measured = self._measure(window, now_ns)
             if measured:
-                self._sounding, self._result_ns = (start + length, measured), now_ns + listening_ns
-        self.next_ns = max(self.next_ns + max(self.interval_ns(), listening_ns), now_ns)
+                self._sounding, self.timers[self._arrive] = (start + length, measured), now_ns + listening_ns
+        self.timers[self.ping] = max(due_ns + max(self.interval_ns(), listening_ns), now_ns)
+
+    def _arrive(self, due_ns: int, _: int) -> None:
+        end, sounding = self._sounding
+        self.report(end, end if isnan(sounding.distance) else sounding.distance, sounding, due_ns)
 
     def _measure(self, window: Window, now_ns: int) -> Sounding | None:
         """Return a ping; None while the vehicle's state is not known."""

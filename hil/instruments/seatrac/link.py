@@ -1,15 +1,13 @@
 """Two SeaTrac beacons and the sound between them: one at the station of the USBL sensor, one on the vehicle."""
 
-from collections.abc import Callable
-from heapq import heappop, heappush
-from itertools import count
+from functools import partial
 from math import dist
 from struct import pack
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
-from hil.common.clock import NEVER_NS, NS_PER_MS, seconds_ns
+from hil.common.clock import NS_PER_MS, seconds_ns
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Scene, Send, StreamInstrument
+from hil.instruments.contract import Client, Instrument
 from hil.instruments.seatrac import beacon as messages
 from hil.instruments.seatrac.beacon import Beacon, Cid, Cst, Place
 from sim.environment.seawater.pressure import ATMOSPHERE_PA
@@ -52,7 +50,7 @@ class Exchange(NamedTuple):
     content: bytes
 
 
-class SeatracLink(StreamInstrument):
+class SeatracLink(Instrument):
     """The two beacons, ids 15 (station) and 1 (vehicle). A ping needs the sound's time there and back.
 
     Ranges and angles are those of the USBL sensor, measured when the vehicle hears or answers. Messages go through the
@@ -64,21 +62,18 @@ class SeatracLink(StreamInstrument):
 
     Model = LinkSettings
     sensors = ("usbl",)
-    wires = ("tcp", "serial", "pty")
     first = b"#\r\n"
     warm_up_s = 1.0
     longest = 600
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
+    def prepare(self) -> None:
+        """Set its state at power on."""
         self._sensor: Sensor | None = None
         self._beacons: dict[str, Beacon] = {}
         for end, number in (("station", 15), ("vehicle", 1)):
-            memory = facts.memory.setdefault(end, {})
-            self._beacons[end] = Beacon(end, memory, number, settings.x150 in (end, "both"))
-        self._events: list[tuple[int, int, Callable[[int], object]]] = []
-        self._order = count()
-        self._channel = AcousticChannel(settings.modem, _DEEP, facts.seed)
+            memory = self.facts.memory.setdefault(end, {})
+            self._beacons[end] = Beacon(end, memory, number, self.settings.x150 in (end, "both"))
+        self._channel = AcousticChannel(self.settings.modem, _DEEP, self.facts.seed)
         self._under_way: dict[tuple[str, int], Exchange] = {}  # by sender and time (ns)
 
     def start(self, now_ns: int) -> None:
@@ -96,7 +91,7 @@ class SeatracLink(StreamInstrument):
 
     def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
         """Carry out a command."""
-        self._let_happen(now_ns)
+        super().tick(now_ns)
         payload, beacon, answer = messages.decode_line(message), self._of(client), None
         if payload and payload[0] in _DATA:
             answer = self._begin(beacon, payload[0], payload[1:], now_ns)
@@ -110,24 +105,15 @@ class SeatracLink(StreamInstrument):
 
     def tick(self, now_ns: int) -> int:
         """Let sound arrive, and send what is due."""
-        self._let_happen(now_ns)
+        due_ns = super().tick(now_ns)
         for beacon in self._beacons.values():
             if beacon.is_status_due(now_ns) and (status := self._status(beacon, now_ns)):
                 self._report(beacon, status)
-        first_ns = self._events[0][0] if self._events else NEVER_NS
-        return min(first_ns, *[beacon.status_due_ns for beacon in self._beacons.values()])
+        return min(due_ns, *[beacon.status_due_ns for beacon in self._beacons.values()])
 
     def _report(self, beacon: Beacon, payload: bytes, measured_ns: int = 0) -> None:
         for client in [client for client in self.readers if self._of(client) is beacon]:
             self.send(messages.encode_line(payload), client, measured_ns=measured_ns)
-
-    def _let_happen(self, now_ns: int) -> None:
-        while self._events and self._events[0][0] <= now_ns:
-            due_ns, _, happen = heappop(self._events)
-            happen(due_ns)
-
-    def _at(self, due_ns: int, happen: Callable[[int], object]) -> None:
-        heappush(self._events, (due_ns, next(self._order), happen))
 
     # --- where the beacons are
 
@@ -176,7 +162,7 @@ class SeatracLink(StreamInstrument):
                 longest_ns = self.settings.modem.airtime_ns(31) + beacon.settings["turnaround"] * NS_PER_MS
                 until_ns = end_ns + longest_ns + seconds_ns(2.0 * beacon.settings["range_limit"] / SOUND_SPEED)
                 beacon.busy_until_ns = until_ns
-                self._at(until_ns, lambda _: self._time_out(beacon, exchange, until_ns))
+                self.timers[partial(self._time_out, beacon, exchange)] = until_ns
         return bytes((command, result, destination))
 
     def _transmit(self, beacon: Beacon, exchange: Exchange, now_ns: int) -> int:
@@ -189,10 +175,11 @@ class SeatracLink(StreamInstrument):
         end_ns = self._channel.send(now_ns, beacon.end, _HEADER + exchange.content, places)
         if end_ns:
             self._under_way[beacon.end, now_ns] = exchange
-            self._at(end_ns + seconds_ns(dist(here.position, there.position) / SOUND_SPEED) + 1, self._deliver)
+            sound_ns = seconds_ns(dist(here.position, there.position) / SOUND_SPEED)
+            self.timers[partial(self._deliver)] = end_ns + sound_ns + 1
         return end_ns
 
-    def _deliver(self, due_ns: int) -> None:
+    def _deliver(self, due_ns: int, _: int) -> None:
         """Take what the water has carried; forget what must have been lost."""
         for packet in self._channel.receive(due_ns):
             exchange = self._under_way.pop((packet.sender, packet.sent_ns))
@@ -200,8 +187,8 @@ class SeatracLink(StreamInstrument):
         oldest_ns = due_ns - seconds_ns(_LONGEST_S)
         self._under_way = {key: exchange for key, exchange in self._under_way.items() if key[1] > oldest_ns}
 
-    def _time_out(self, beacon: Beacon, exchange: Exchange, until_ns: int) -> None:
-        if beacon.busy_until_ns == until_ns:  # no response has ended it
+    def _time_out(self, beacon: Beacon, exchange: Exchange, due_ns: int, _: int) -> None:
+        if beacon.busy_until_ns == due_ns:  # no response has ended it
             self._report(beacon, bytes((exchange.command + _ERROR, Cst.TIMEOUT, exchange.destination)))
 
     def _arrive(self, beacon: Beacon, exchange: Exchange, due_ns: int) -> None:
@@ -221,7 +208,7 @@ class SeatracLink(StreamInstrument):
         if exchange.kind >= messages.REQUEST and not is_response:
             response = exchange._replace(kind=exchange.kind + 1, content=self._response(beacon, exchange, due_ns))
             sent_ns = due_ns + beacon.settings["turnaround"] * NS_PER_MS
-            self._at(sent_ns, lambda at_ns: self._transmit(beacon, response, at_ns))
+            self.timers[lambda at_ns, _: self._transmit(beacon, response, at_ns)] = sent_ns
 
     def _response(self, beacon: Beacon, exchange: Exchange, now_ns: int) -> bytes:
         """Return the content of a beacon's response."""

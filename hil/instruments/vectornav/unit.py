@@ -1,13 +1,13 @@
 """The VN-100, an attitude and heading reference, and the VN-200, which has a satellite receiver besides."""
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
 from hil.common.plugins import load_object
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from hil.instruments.contract import Client, Facts, Scene, Send, StreamInstrument
+from hil.instruments.contract import Client, Instrument
 from hil.instruments.gps.sky import make_epoch
 from hil.instruments.vectornav.outputs import DEVICE, MEASURED, NO_EPOCH, Measurement, checksum, parse_output, text_of
 from hil.instruments.vectornav.outputs import line as encode_line
@@ -44,7 +44,7 @@ class UnitSettings(NamedTuple):
     magnetometer: MagnetometerModel = MagnetometerModel()
 
 
-class Vn100(StreamInstrument):
+class Vn100(Instrument):
     """A VN-100 from its factory settings on: YMR at 40 Hz until a client configures it.
 
     Attitude, rates and accelerations are those of the sensor, so an output is at most as fast as that: give it a rate
@@ -54,15 +54,14 @@ class Vn100(StreamInstrument):
 
     Model = UnitSettings
     sensors = ("imu", "ahrs")
-    wires = ("tcp", "serial", "pty")
     warm_up_s = 1.25
     model_number = "VN-100T-CR"
     default_kind = "14"
     has_receiver = False
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
-        self._kept: dict[int, str] = facts.memory.setdefault("registers", {})
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        self._kept: dict[int, str] = self.facts.memory.setdefault("registers", {})
         self._magnetometer: Sensor | None = None
         self._last: Measurement | None = None
         self._began_ns = self._silent_until_ns = 0
@@ -223,8 +222,9 @@ class Vn200(Vn100):
     default_kind = "22"
     has_receiver = True
 
-    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
-        super().__init__(settings, facts, scene, send)
+    def prepare(self) -> None:
+        """Set its state at power on."""
+        super().prepare()
         self._receiver: Sensor | None = None
         self._receiver_due_ns = NEVER_NS
         self._epoch = NO_EPOCH
