@@ -64,7 +64,13 @@ def pack_layout(layout: str, quantities: Mapping[str, Callable[[Of], Sequence[An
 
 
 def fits(value: Any, allowed: Any) -> bool:
-    """Return whether a value is "text", a "flag", one of some texts, or a finite number from least to most."""
+    """Return whether a value is "text", a "flag", one of some texts, a finite number from least to most, or a record.
+
+    Of a record all fields are there, no others, and each fits what is allowed for it.
+    """
+    if isinstance(allowed, dict):
+        is_record = isinstance(value, dict) and value.keys() == allowed.keys()
+        return is_record and all(fits(value[name], each) for name, each in allowed.items())
     if isinstance(allowed, str):
         return isinstance(value, str if allowed == "text" else bool)
     if isinstance(allowed[0], str):

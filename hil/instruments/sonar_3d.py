@@ -38,6 +38,7 @@ _MODES = {  # images per s, field of view across (deg), frequency (Hz)
 _HEIGHT_DEG = 40.0
 _BATCH = 5  # inertial samples in a message; at 100 Hz the first is 50 ms old
 _TEMPERATURE_LIMIT = 60.0  # °C; our choice
+_LATEST = 2.0**36  # s since 1970, that its clock can be set to; our choice
 _PACKAGE = b"type.googleapis.com/waterlinked.sonar.protocol."
 _LITERAL = 61 << 2  # a literal whose length stands in the next two bytes
 View = tuple[int, int, float, float]  # width and height of an image (pixels), and its field of view (deg)
@@ -138,58 +139,49 @@ class Sonar3D(Instrument):
 
     def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
         """Answer a request of HTTP."""
-        name = path.removeprefix(_API)
-        if not path.startswith(_API):
+        name, told = path.removeprefix(_API), self._kept | self._status(now_ns)
+        if method == "GET" and name in told:
+            return _answer(told[name])
+        if method != "POST" or not path.startswith(_API):
             return _NOT_FOUND
-        if method == "GET":
-            found = self._kept[name] if name in self._kept else self._status(name, now_ns)
-            return _NOT_FOUND if found is None else _answer(found)
         try:
             value = json.loads(body)
         except (ValueError, RecursionError):
             return _BAD_REQUEST
-        if method != "POST":
-            return _NOT_FOUND
         if name == "time/manual":
             return self._set_time(value, now_ns)
         if name == "time/ntp/force-sync":
             found = self.settings.synchronised
             message = "synchronized" if found else "no server of time answered"
-            return _answer({"success": found, "message": message, "status": self._status("time/status", now_ns)})
+            return _answer({"success": found, "message": message, "status": told["time/status"]})
         if name not in self._kept:
             return _NOT_FOUND
-        if not _is_allowed(value, self._rules[name]):
+        if not (fits(value, self._rules[name]["fits"]) and _agrees(value)):
             return _BAD_REQUEST
         self._kept[name] = value
         return Response(b"", 204)
 
-    def _status(self, name: str, now_ns: int) -> Any:
-        """Return what it tells of itself by the name; None if there is no such."""
-        version, is_synced = self.settings.version, self.settings.synchronised
-        if name == "about":
-            return {
-                "chipid": f"0x{self.facts.seed:08x}", "hardware_revision": 6, "is_ready": True, "product_id": 21045,
-                "product_name": "Sonar 3D-15", "variant": "", "version": f"{version} (simulated)",
-                "version_short": version,
-            }  # fmt: skip
-        if name == "temperature":
-            return self.settings.temperature
-        if name == "status":
-            is_cool = self.settings.temperature < _TEMPERATURE_LIMIT
-            return {
-                "api": _entry("api", True, "Integration API is operational."),
-                "temperature": _entry("temperature", is_cool, "Temperature is normal." if is_cool else "Too hot."),
-                "systems_check": _entry("systems-check", True, "Processing is operational."),
-                "time": _entry("time", is_synced, "Time synchronization."),
-            }
-        if name != "time/status":
-            return None
+    def _status(self, now_ns: int) -> dict[str, Any]:
+        """Return what it tells of itself, by the names of the requests."""
+        version, temperature, is_synced = self.settings
+        is_cool = temperature < _TEMPERATURE_LIMIT
+        about = {
+            "chipid": f"0x{self.facts.seed:08x}", "hardware_revision": 6, "is_ready": True, "product_id": 21045,
+            "product_name": "Sonar 3D-15", "variant": "", "version": f"{version} (simulated)", "version_short": version,
+        }  # fmt: skip
+        status = {
+            "api": _entry("api", True, "Integration API is operational."),
+            "temperature": _entry("temperature", is_cool, "Temperature is normal." if is_cool else "Too hot."),
+            "systems_check": _entry("systems-check", True, "Processing is operational."),
+            "time": _entry("time", is_synced, "Time synchronization."),
+        }
         time = datetime.fromtimestamp((to_wall_ns(now_ns) + self._offset_ns) / NS_PER_S, timezone.utc)
-        return {
+        clock = {
             "system_time": time.isoformat(), "ntp_synced": is_synced,
             "ntp_synced_to": self._kept["time/ntp"]["ntp_address"] if is_synced else "",
             "ntp_seconds_since_last_sync": 0 if is_synced else None,
         }  # fmt: skip
+        return {"about": about, "temperature": temperature, "status": status, "time/status": clock}
 
     def _set_time(self, value: Any, now_ns: int) -> Response:
         """Set its clock, unless a server of time does."""
@@ -197,35 +189,28 @@ class Sonar3D(Instrument):
             wanted = datetime.fromisoformat(str(value["now"]).replace("Z", "+00:00")).timestamp()
         except (ValueError, TypeError, KeyError, OverflowError, OSError):
             return _BAD_REQUEST
+        if not 0.0 <= wanted < _LATEST:
+            return _BAD_REQUEST
         if self.settings.synchronised:
             return Response(b'{"error":"already synchronized"}', 409)
         self._offset_ns = round(wanted * NS_PER_S) - to_wall_ns(now_ns)
         return Response(b"", 204)
 
 
-def _is_allowed(value: Any, rule: dict[str, Any]) -> bool:
-    """Return whether a setting may have a value."""
-    if "fits" in rule:
-        return fits(value, rule["fits"])
-    fields = rule["fields"]
-    if not isinstance(value, dict) or value.keys() != fields.keys():
-        return False
-    if not all(fits(value[name], allowed) for name, allowed in fields.items()):
-        return False
+def _agrees(value: Any) -> bool:
+    """Return whether the fields of a setting, if it has several, agree with each other."""
+    if not isinstance(value, dict):
+        return True
     if "min" in value:
         return bool(value["min"] < value["max"])
     if "ntp_address" in value:
         return bool(value["ntp_address"])
     address, port = value["unicast_destination_ip"], value["unicast_destination_port"]
-    is_unicast = value["mode"] == "unicast"
     try:
-        return (
-            isinstance(port, int)
-            and bool((address and ip_address(address)) or not (address or is_unicast))
-            and port >= is_unicast
-        )
+        ip_address(address or _GROUP[0])
     except ValueError:
         return False
+    return isinstance(port, int) and (value["mode"] != "unicast" or bool(address and port))
 
 
 def _answer(value: Any) -> Response:

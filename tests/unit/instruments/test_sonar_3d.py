@@ -140,6 +140,8 @@ def test_a_clock_without_a_server_of_time_can_be_set() -> None:
         ("udp", {"mode": "unicast", "unicast_destination_ip": "", "unicast_destination_port": 1}),
         ("udp", {"mode": "unicast", "unicast_destination_ip": "192.0.2.1", "unicast_destination_port": 0}),
         ("time/manual", {"now": "noon"}),
+        ("time/manual", {"now": "1969-12-31T23:59:59Z"}),
+        ("time/manual", {"now": "9999-12-31T23:59:59Z"}),
     ],
 )
 def test_a_wrong_setting_is_refused_and_changes_nothing(name: str, value: Any) -> None:
