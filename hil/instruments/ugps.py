@@ -12,6 +12,7 @@ from typing import Annotated, Any, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.clock import NS_PER_S
+from hil.common.errors import ConfigError
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from hil.instruments.contract import Instrument, Response
@@ -23,7 +24,7 @@ _DEPTH_NS = 10 * NS_PER_S  # after which an external depth is too old; our choic
 _NOISE = -100.0  # dBm
 _LEVEL_AT_1M = -75.5  # dBm; 6 dB less for each doubling of distance, and -125 dBm, the weakest that works, at 300 m
 _ACCELERATION, _FORGET_S = 0.3, 60.0  # m/s² of the vehicle in the filter, and when that begins again; our choice
-_MANY = "+json; type=collection"
+_MANY = "; type=collection"
 _OF_MANY = "/poi", "/config/receivers"
 
 
@@ -92,7 +93,8 @@ class Ugps(Instrument):
         self._patience_ns = max(2 * NS_PER_S, round(3e9 / self.facts.model.rate))
 
     def _reset(self) -> Response:
-        self._stored.update(read_device("ugps")["first"], poi={})
+        first = read_device("ugps")["first"]
+        self._stored |= first | {"poi": {}, "receivers": dict(enumerate(first["receivers"]))}
         self._stored["generic"] |= {"channel": self.settings.channel, "speed_of_sound": round(self._true_speed)}
         return _DONE
 
@@ -106,17 +108,20 @@ class Ugps(Instrument):
         """Answer a request of HTTP."""
         if path.rstrip("/") == "/api":
             return _answer({"versions": ["v1"]}, "wupdater.apiversion")
-        way = path.removeprefix("/api/v1").rstrip("/")
         if not path.startswith("/api/v1/"):
             return _NOT_FOUND
-        family, _, number = way.rpartition("/")
-        rule: Any = self._rules.get(family if family in _OF_MANY else way)
-        if family in _OF_MANY:
-            return self._one_of_many(rule, method, number, body)
-        if (method, way) == ("POST", "/poi"):
-            return self._create_poi(rule, body)
-        if rule and way not in _OF_MANY:
-            return self._one_record(rule, method, "POST" if way.startswith("/imu") else "PUT", body, now_ns)
+        way = path.removeprefix("/api/v1").rstrip("/")
+        family, number = (way, "") if way in _OF_MANY else way.rpartition("/")[::2]
+        try:
+            if family in _OF_MANY:
+                return self._one_of_many(family, method, number, body)
+            if way in self._rules:
+                return self._one_record(way, method, body, now_ns)
+        except ConfigError as error:
+            if family not in _OF_MANY:
+                return _answer({"success": False, "error": str(error)}, "operation_response")._replace(status=400)
+            why = {"id": "0", "code": "invalid_request", "status": "400", "detail": str(error), "meta": {}}
+            return Response(json.dumps(why).encode(), 400, "application/vnd.goa.error")
         if f"{method} {way}" in ("GET /about/led", "POST /imu/calibrate", "POST /imu/resetgyros"):
             return Response()
         if (method, way) == ("POST", "/about/factoryreset"):
@@ -151,58 +156,48 @@ class Ugps(Instrument):
             "/position/global": (self._global(), "wl.satellite.position", 503),
             "/position/master": (self._master(), "wl.satellite.position", 503),
             "/imu/calibrate": (compass, "imu"),
-            "/config/receivers": (stored["receivers"], f"receiver{_MANY}"),
-            "/poi": (list(stored["poi"].values()), f"poi{_MANY}"),
-            "/warnings": (warnings, f"wl.warning{_MANY}"),
-            "/status_report": ([group], f"wl.status.group{_MANY}"),
+            "/warnings": (warnings, "wl.warning", 404, _MANY),
+            "/status_report": ([group], "wl.status.group", 404, _MANY),
         }
 
     # --- records
 
-    def _one_record(self, rule: dict[str, Any], method: str, wanted: str, body: bytes, now_ns: int) -> Response:
-        """Return a record; or take one by the `wanted` method, and refuse one that breaks its rule."""
+    def _one_record(self, way: str, method: str, body: bytes, now_ns: int) -> Response:
+        """Return a record, or take one. Raises ConfigError for one that breaks its rule."""
+        rule = self._rules[way]
         name = rule["name"]
         if method == "GET" and "kind" in rule:
-            record = self._stored.get(name) or self._given.get(name, (0, None))[1]
-            return _answer(record, rule["kind"], 204)
-        if method != wanted:
+            return _answer(self._stored.get(name) or self._given.get(name, (0, None))[1], rule["kind"], 204)
+        if method != ("POST" if way.startswith("/imu") else "PUT"):
             return _NOT_FOUND
         record = _read(body, rule)
-        if isinstance(record, str):
-            return _answer({"success": False, "error": record}, "operation_response")._replace(status=400)
         if name in self._stored:
             self._stored[name].update(record)
         else:
             self._given[name] = now_ns, record
         return _DONE
 
-    def _create_poi(self, rule: dict[str, Any], body: bytes) -> Response:
-        record = _read(body, rule)
-        if isinstance(record, str):
-            return _refused(record)
-        points = self._stored["poi"]
-        number = max(points, default=0) + 1
-        points[number] = record | {"id": number}
-        return Response(json.dumps({"href": f"/poi/{number}"}).encode(), 201)
-
-    def _one_of_many(self, rule: dict[str, Any], method: str, number: str, body: bytes) -> Response:
-        """Answer about one point of interest or one receiver."""
-        is_point = rule["name"] == "poi"
-        stored = self._stored["poi"] if is_point else dict(enumerate(self._stored["receivers"]))
-        if not number.isdecimal() or int(number[:9]) not in stored:
+    def _one_of_many(self, family: str, method: str, number: str, body: bytes) -> Response:
+        """Answer about the points of interest, or the receivers, or one of them. Raises ConfigError."""
+        rule = self._rules[family]
+        stored, key = self._stored[rule["name"]], int(number[:9]) if number.isdecimal() else 0
+        if number and (key not in stored or not number.isdecimal()):
             return Response(b"", 404)
-        key = int(number[:9])
-        if method == "GET":
-            return _answer(stored[key], "poi" if is_point else "receivers")
-        if method == "DELETE" and is_point:
-            del stored[key]
-        elif method == ("PATCH" if is_point else "PUT"):
-            record = _read(body, rule, partial=True)
-            if isinstance(record, str):
-                return _refused(record)
-            stored[key].update(record | {"id": key})
-        else:
-            return Response(b"", 404)
+        match method, rule["name"], bool(number):
+            case "GET", _, False:
+                return _answer(list(stored.values()), rule["kind"], many=_MANY)
+            case "GET", kind, True:
+                return _answer(stored[key], kind)
+            case "POST", "poi", False:
+                key = max(stored, default=0) + 1
+                stored[key] = _read(body, rule) | {"id": key}
+                return Response(json.dumps({"href": f"/poi/{key}"}).encode(), 201)
+            case "DELETE", "poi", True:
+                del stored[key]
+            case ("PATCH", "poi", True) | ("PUT", "receivers", True):
+                stored[key].update(_read(body, rule, partial=True) | {"id": key})
+            case _:
+                return _NOT_FOUND
         return Response(b"", 204)
 
     def _warnings(self, now_ns: int) -> list[dict[str, str]]:
@@ -283,7 +278,8 @@ class Ugps(Instrument):
         if position is None:
             return None
         is_valid = self._is_valid(position, now_ns)
-        distances = [dist(position, [receiver[axis] for axis in "xyz"]) for receiver in self._stored["receivers"]]
+        places = [[receiver[axis] for axis in "xyz"] for receiver in self._stored["receivers"].values()]
+        distances = [dist(position, place) for place in places]
         return {
             "x": position[0], "y": position[1], "z": position[2], "std": self._deviation(),
             "position_valid": is_valid, "receiver_distance": distances,
@@ -324,35 +320,30 @@ class Ugps(Instrument):
         return master | {"lat": latitude, "lon": longitude} | self._given["orientation"][1]
 
 
-def _read(body: bytes, rule: dict[str, Any], *, partial: bool = False) -> dict[str, Any] | str:
-    """Return the record in `body` with its known fields; what is wrong with it, as text, if it breaks the rule."""
+def _read(body: bytes, rule: dict[str, Any], *, partial: bool = False) -> dict[str, Any]:
+    """Return the record in `body` with its known fields. Raises ConfigError if it breaks the rule."""
     try:
         given = json.loads(body)
     except (ValueError, RecursionError):
-        return "body is no JSON"
+        raise ConfigError("body is no JSON") from None
     if not isinstance(given, dict):
-        return "body is no JSON object"
+        raise ConfigError("body is no JSON object")
     fields = rule["fields"]
     missing = [name for name in fields if name not in given and name not in rule.get("optional", ())]
     if missing and not partial:
-        return f"missing required attributes: {', '.join(missing)}"
+        raise ConfigError(f"missing required attributes: {', '.join(missing)}")
     known = {name: value for name, value in given.items() if name in fields}
-    wrong = [name for name, value in known.items() if not fits(value, fields[name])]
-    return f"invalid value of {', '.join(wrong)}" if wrong else known
+    if wrong := [name for name, value in known.items() if not fits(value, fields[name])]:
+        raise ConfigError(f"invalid value of {', '.join(wrong)}")
+    return known
 
 
-def _answer(value: Any, kind: str, missing: int = 404) -> Response:
+def _answer(value: Any, kind: str, missing: int = 404, many: str = "") -> Response:
     """Return a value; the status `missing` if there is none."""
     if value is None:
         return Response(b"", missing)
-    suffix = "" if "+json" in kind else "+json"
-    return Response(json.dumps(value).encode(), 200, f"application/vnd.waterlinked.{kind}{suffix}")
+    return Response(json.dumps(value).encode(), 200, f"application/vnd.waterlinked.{kind}+json{many}")
 
 
 _DONE = _answer({"success": True}, "operation_response")
 _NOT_FOUND = Response(b"404 page not found\n", 404, "text/plain")
-
-
-def _refused(why: str) -> Response:
-    error = {"id": "0", "code": "invalid_request", "status": "400", "detail": why, "meta": {}}
-    return Response(json.dumps(error).encode(), 400, "application/vnd.goa.error")
