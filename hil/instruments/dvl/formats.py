@@ -91,7 +91,7 @@ def encode_pd6(report: Report, config: DvlSettings, now_ns: int = 0) -> bytes:
     """Return the ten sentences of one ping: velocity in mm/s, altitude in m."""
     wall = time.gmtime(report.validity_us // 1_000_000)
     stamp = time.strftime("%y%m%d%H%M%S", wall) + f"{report.validity_us // 10_000 % 100:02d}"
-    x, y, z = [_millimetres(speed) for speed in report.velocity]
+    x, y, z = [millimetres(speed) for speed in report.velocity]
     status, altitude = "A" if report.is_valid else "V", max(0.0, report.altitude)
     still, far = f"{'+0':>6},{'+0':>6},{'+0':>6}", f"{'+0.00':>12},{'+0.00':>12},{'+0.00':>12}"
     sentences = (
@@ -112,7 +112,7 @@ def encode_pd6(report: Report, config: DvlSettings, now_ns: int = 0) -> bytes:
 def encode_pd4(report: Report, config: DvlSettings, now_ns: int = 0) -> bytes:
     """Return the structure of one ping: velocity in mm/s, ranges in cm; -32768 is no velocity."""
     wall, none = time.gmtime(report.validity_us // 1_000_000), [_NO_VELOCITY] * 4
-    speeds = [*[_millimetres(speed) for speed in report.velocity], 0] if report.is_valid else none
+    speeds = [*[millimetres(speed) for speed in report.velocity], 0] if report.is_valid else none
     ranges = [max(0, min(0xFFFF, round(100.0 * report.transducers[beam].distance))) for beam in _BEAM_OF]
     clock = wall.tm_hour, wall.tm_min, wall.tm_sec, report.validity_us // 10_000 % 100
     body = pack(
@@ -122,7 +122,8 @@ def encode_pd4(report: Report, config: DvlSettings, now_ns: int = 0) -> bytes:
     return body + pack("<H", SUMS["sum16"].of(body))
 
 
-def _millimetres(speed: float) -> int:
+def millimetres(speed: float) -> int:
+    """Return a speed in mm/s within 16 bits, of which the least is none."""
     return max(-32_767, min(32_767, round(1000.0 * speed)))
 
 

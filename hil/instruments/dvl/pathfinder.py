@@ -17,6 +17,7 @@ from hil.common.clock import NS_PER_S
 from hil.common.schema import Range
 from hil.common.vectors import Quaternion
 from hil.instruments.contract import Client, Instrument
+from hil.instruments.dvl.formats import millimetres
 from hil.instruments.layout import read_device
 from sim.rotations import rotate, to_euler
 from sim.sensors.samples import DvlSample
@@ -152,8 +153,7 @@ class Pathfinder(Instrument):
         distance, speeds, strength = 0, [NO_VELOCITY] * 4, 0
         if is_locked:
             distance = max(1, round(100.0 * sample.altitude * scale))
-            measured = [round(1000.0 * scale * speed) for speed in self._speeds(sample, attitude)]
-            speeds = [max(-32_767, min(32_767, speed)) for speed in measured]
+            speeds = [millimetres(scale * speed) for speed in self._speeds(sample, attitude)]
             strength = max(40, min(220, round(160.0 - 20.0 * log10(sample.altitude) / 0.61)))
         high, low = divmod(distance, 65_536)
         data = pack("<HH2xBB2xH4x4H4h", 0x600, 1, 220, 24, 1000, *[low] * 4, *speeds)

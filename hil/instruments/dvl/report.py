@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from hil.common.clock import NS_PER_S
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, parse, shortened
-from hil.common.vectors import Quaternion, Vector3
+from hil.common.vectors import Quaternion, Vector3, dot
 from sim.rotations import down_axis, from_euler, multiply, rotate, to_euler
 
 TILT = radians(22.5)  # of the beams
@@ -82,6 +82,19 @@ class DvlSettings(NamedTuple):
         only, low, high = match.groups()
         return [int(only)] if only else [*range(int(low), int(high) + 1)]
 
+    def follow(self, mode: int | None, altitude: float | None, most: float) -> int | None:
+        """Return the range mode at an altitude (m; None: no echo), if it fits the present one; None: it searches.
+
+        The device reaches `most` m.
+        """
+        limits = [(each, *RANGE_MODES[each]) for each in self.modes]
+        fitting = [each for each, low, high, _ in limits if altitude and low <= altitude <= min(high, most)]
+        return mode if mode in fitting else next(iter(fitting), None)
+
+    def rate(self, mode: int | None) -> float:
+        """Return how often it pings (Hz) in a range mode."""
+        return SEARCH_HZ if self.is_water or mode is None else RANGE_MODES[mode][2]
+
 
 class Transducer(NamedTuple):
     """Speed (m/s) and distance (m) along one beam; 0 and -1 if it has no echo. Strength and noise in dBm."""
@@ -119,58 +132,28 @@ class Report(NamedTuple):
 
 
 def with_fix(
-    report: Report,
-    velocity: Vector3,
-    altitude: float,
-    orientation: Quaternion,
-    noise: float,
-    config: DvlSettings,
-    true_speed: float,
+    report: Report, velocity: Vector3, altitude: float, orientation: Quaternion, noise: float, offset: float
 ) -> Report:
     """Return a report with the velocity (m/s) and altitude (m, -1 without) along the sensor's axes.
 
-    `orientation` turns those axes into NED: the beams end on a level seabed. `noise` (m/s) is that of one beam. What
-    the device computes with its own speed of sound is wrong by its ratio to the `true_speed` (m/s).
+    `orientation` turns those axes into NED: the beams end on a level seabed. `noise` (m/s) is that of one beam,
+    `offset` (degrees) that of the mounting. All are as the device computes them, by its own speed of sound.
     """
-    scale = config.speed_of_sound / true_speed
-    u, v, w = [scale * speed for speed in velocity]
     down = down_axis(orientation)
     transducers = []
-    for x, y, z in BEAMS:
-        slope = x * down[0] + y * down[1] + z * down[2]
-        distance = scale * altitude / slope if slope > 0.0 and altitude > 0.0 else -1.0
+    for beam in BEAMS:
+        slope = dot(beam, down)
+        distance = altitude / slope if slope > 0.0 and altitude > 0.0 else -1.0
         rssi = ECHO_DBM - 20.0 * log10(max(distance, LEAST_M)) if distance > 0.0 else NOISE_DBM
-        transducers.append(Transducer(x * u + y * v + z * w, distance, rssi, NOISE_DBM, True))
-    level = (scale * noise) ** 2 / (2.0 * sin(TILT) ** 2)
+        transducers.append(Transducer(dot(beam, velocity), distance, rssi, NOISE_DBM, True))
+    level = noise**2 / (2.0 * sin(TILT) ** 2)
     return report._replace(
-        velocity=rotate(from_euler(0.0, 0.0, radians(config.mounting_rotation_offset)), (u, v, w)),
-        variances=(level, level, (scale * noise) ** 2 / (4.0 * cos(TILT) ** 2)),
-        altitude=scale * altitude if altitude > 0.0 else -1.0,
+        velocity=rotate(from_euler(0.0, 0.0, radians(offset)), velocity),
+        variances=(level, level, noise**2 / (4.0 * cos(TILT) ** 2)),
+        altitude=altitude,
         transducers=tuple(transducers),
         is_valid=True,
     )
-
-
-class RangeMode:
-    """The range mode that the device is in; None while it searches the bottom."""
-
-    def __init__(self) -> None:
-        self.number: int | None = None
-
-    def follow(self, altitude: float | None, config: DvlSettings, most: float) -> bool:
-        """Take the altitude of a ping (m; None: no echo); return whether the device has lock. It reaches `most` m."""
-        fitting = [
-            mode
-            for mode in config.modes
-            if altitude and RANGE_MODES[mode][0] <= altitude <= min(RANGE_MODES[mode][1], most)
-        ]
-        if self.number not in fitting:
-            self.number = fitting[0] if fitting else None
-        return self.number is not None
-
-    def rate(self, config: DvlSettings) -> float:
-        """Return how often it pings (Hz)."""
-        return SEARCH_HZ if config.is_water or self.number is None else RANGE_MODES[self.number][2]
 
 
 class DeadReckoning:

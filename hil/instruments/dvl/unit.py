@@ -12,7 +12,7 @@ from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
 from hil.common.errors import ConfigError
 from hil.instruments.contract import Client, Instrument, Lines
 from hil.instruments.dvl.formats import FORMATS, crc8, json_line, line, word
-from hil.instruments.dvl.report import OPTIONS, DeadReckoning, DvlSettings, RangeMode, Report, with_fix
+from hil.instruments.dvl.report import OPTIONS, DeadReckoning, DvlSettings, Report, with_fix
 from sim.rotations import multiply
 
 POSITION_NS = NS_PER_S // 5
@@ -43,7 +43,8 @@ class Dvl(Instrument):
         """Set its state at power on."""
         self._kept: dict[str, DvlSettings] = self.facts.memory  # what outlives the power
         self._kept.setdefault("config", self.settings)
-        self._reckoning, self._mode = DeadReckoning(), RangeMode()
+        self._reckoning = DeadReckoning()
+        self._mode: int | None = None  # its range mode; None while it searches the bottom
         self._triggers = 0  # pings that wait
         self._due_ns = self._last_ns = self._cycle_ns = self._imu_ns = 0
         self._attitude = self._orientation = (1.0, 0.0, 0.0, 0.0)  # of the vehicle and of the sensor's axes, NED
@@ -110,7 +111,7 @@ class Dvl(Instrument):
             return is_triggered
         if measured_ns < self._due_ns - NS_PER_MS:
             return False
-        period_ns = round(NS_PER_S / self._mode.rate(config))
+        period_ns = round(NS_PER_S / config.rate(self._mode))
         behind = measured_ns - self._due_ns > period_ns
         self._due_ns = (measured_ns if behind else self._due_ns) + period_ns
         if config.periodic_cycling_enabled and not config.is_water and measured_ns >= self._cycle_ns:
@@ -119,20 +120,24 @@ class Dvl(Instrument):
         return True
 
     def _ping(self, sample: Any, measured_ns: int, now_ns: int) -> None:
-        config, rate = self._config, self._mode.rate(self._config)
+        config, rate = self._config, self._config.rate(self._mode)
         altitude = sample.altitude if sample.locked and sample.altitude == sample.altitude else None
         has_lock = sample.locked
         if not config.is_water:
-            has_lock = self._mode.follow(altitude, config, self.most_m)
-            if self._mode.rate(config) != rate:
-                self._due_ns = measured_ns + round(NS_PER_S / self._mode.rate(config))
+            self._mode = config.follow(self._mode, altitude, self.most_m)
+            has_lock = self._mode is not None
+            if config.rate(self._mode) != rate:
+                self._due_ns = measured_ns + round(NS_PER_S / config.rate(self._mode))
         since_ns = measured_ns - self._last_ns if self._last_ns else 0
         self._last_ns = measured_ns
         validity_us = to_wall_ns(measured_ns) // NS_PER_US
         report = Report(since_ns / NS_PER_MS, validity_us=validity_us, is_water=config.is_water)
         if has_lock:
-            noise, speed = self.facts.model.velocity.noise, self.facts.sound_speed(self._depth)
-            report = with_fix(report, sample.velocity, altitude or -1.0, self._orientation, noise, config, speed)
+            scale = config.speed_of_sound / self.facts.sound_speed(self._depth)
+            x, y, z = [scale * speed for speed in sample.velocity]
+            noise, above = scale * self.facts.model.velocity.noise, scale * altitude if altitude else -1.0
+            offset = config.mounting_rotation_offset
+            report = with_fix(report, (x, y, z), above, self._orientation, noise, offset)
         self._reckoning.move(report, measured_ns)
         for client in self.readers:
             if chosen := self._format(client):
