@@ -3,10 +3,9 @@
 from typing import Annotated, NamedTuple
 
 from hil.client.client import Stamped
-from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
+from hil.common.clock import NS_PER_MS, NS_PER_S, to_wall_ns
 from hil.common.plugins import load_object
 from hil.common.schema import Range
-from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Instrument
 from hil.instruments.gps.sky import make_epoch
 from hil.instruments.vectornav.outputs import DEVICE, MEASURED, NO_EPOCH, Measurement, checksum, parse_output, text_of
@@ -27,9 +26,7 @@ _ACCEPTED = ("VNKMD", "VNKAD", "VNSGB")
 _IDENTITY = (1, 2, 3, 4)  # model, revision of the hardware, serial number, firmware
 _BAUD, _KIND, _RATE, _PROTOCOL, _BINARY = 5, 6, 7, 30, (75, 76, 77)
 _WITH_RECEIVER: list[int] = DEVICE["with_receiver"]
-_OF_PORT: dict[int, set[str]] = {
-    int(number): set(values) for number, values in DEVICE["of_port"].items()
-}  # of one port
+_OF_PORT: dict[int, list[str]] = {int(number): values for number, values in DEVICE["of_port"].items()}
 _KINDS: dict[str, tuple[str, int]] = DEVICE["asynchronous"]  # of asynchronous output: header and register
 
 
@@ -64,6 +61,7 @@ class Vn100(Instrument):
         self._kept: dict[int, str] = self.facts.memory.setdefault("registers", {})
         self._magnetometer: Sensor | None = None
         self._last: Measurement | None = None
+        self._epoch, self._place = NO_EPOCH, (0.0, 0.0, 0.0)  # of its receiver: the last one, and the last one found
         self._began_ns = self._silent_until_ns = 0
         self._restart()
 
@@ -165,7 +163,7 @@ class Vn100(Instrument):
 
     def _is_valid(self, number: int, parameters: list[str]) -> bool:
         if number in _OF_PORT:  # the second parameter is the port
-            allowed = _OF_PORT[number] or {"0", *[kind for kind, (_, of) in _KINDS.items() if self._has(of)]}
+            allowed = _OF_PORT[number] or ["0", *[kind for kind, (_, of) in _KINDS.items() if self._has(of)]]
             return parameters[0] in allowed and parameters[1:] in ([], ["1"], ["2"])
         if number in _BINARY:
             return parse_output(",".join(parameters)) is not None
@@ -208,6 +206,7 @@ class Vn100(Instrument):
         return Measurement(
             startup_ns, sample.time_ns, sample.orientation, sample.angular_velocity, sample.acceleration,
             (1e4 * x, 1e4 * y, 1e4 * z), self.settings.temperature, self.settings.pressure, interval,
+            self._epoch, self._place,
         )  # fmt: skip
 
 
@@ -222,31 +221,21 @@ class Vn200(Vn100):
     default_kind = "22"
     has_receiver = True
 
-    def prepare(self) -> None:
-        """Set its state at power on."""
-        super().prepare()
-        self._receiver: Sensor | None = None
-        self._receiver_due_ns = NEVER_NS
-        self._epoch = NO_EPOCH
-        self._place: Vector3 = (0.0, 0.0, 0.0)
-
     def start(self, now_ns: int) -> None:
         """Build the unit's sensors; a world that is nowhere on the earth has no satellites."""
         super().start(now_ns)
         if self.facts.origin:
             sensor = load_object(SENSORS["gps"].place, "VN-200")
             self._receiver = self.scene.build(sensor.Model(rate=5.0), sensor=sensor)
-            self._receiver_due_ns = now_ns
+            self.timers[self._receive] = now_ns
 
-    def _measure(self, sample: ImuSample, measured_ns: int, now_ns: int) -> Measurement:
-        if self._receiver and measured_ns >= self._receiver_due_ns:
-            self._receiver_due_ns = max(self._receiver_due_ns + _RECEIVER_PERIOD_NS, measured_ns)
-            fix, state = self.scene.measure(self._receiver, now_ns), self.scene.state(now_ns)
-            if isinstance(fix, FixSample) and state:
-                velocity = rotate(state.quaternion, self.facts.mounting.velocity(state.nu))
-                fix = fix._replace(time_ns=sample.time_ns)
-                self._epoch = make_epoch(fix, self.facts.origin_altitude, velocity)
-                if fix.fix:
-                    self._place = fix.latitude, fix.longitude, fix.altitude
-        measurement = super()._measure(sample, measured_ns, now_ns)
-        return measurement._replace(epoch=self._epoch, place=self._place)
+    def _receive(self, due_ns: int, now_ns: int) -> None:
+        """Measure place and velocity."""
+        self.timers[self._receive] = max(due_ns + _RECEIVER_PERIOD_NS, now_ns)
+        fix, state = self.scene.measure(self._receiver, now_ns), self.scene.state(now_ns)
+        if isinstance(fix, FixSample) and state:
+            velocity = rotate(state.quaternion, self.facts.mounting.velocity(state.nu))
+            fix = fix._replace(time_ns=to_wall_ns(now_ns))
+            self._epoch = make_epoch(fix, self.facts.origin_altitude, velocity)
+            if fix.fix:
+                self._place = fix.latitude, fix.longitude, fix.altitude

@@ -84,6 +84,8 @@ def test_the_driver_reads_every_register_of_a_vn200() -> None:
         assert sum(place[f"velocity_{axis}"] ** 2 for axis in "xyz") ** 0.5 == pytest.approx(1.5, abs=0.01)
     assert read.read_ins_state_lla()["latitude"] == ins["latitude"]
     device.scene.present = State((3.0, 4.0, 2.0), ATTITUDE)
+    step(device)
+    ins = read.read_ins()  # with the last fix
     step(device, 30)
     assert (read.read_gps_fix(), read.read_ins()["ins_status"], read.read_ins_latitude()) == (0, 0, ins["latitude"])
 
