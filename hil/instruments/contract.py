@@ -14,13 +14,17 @@ What it does by itself stands in `timers`: a function of two arguments, when it 
 and when that is. A function is taken out before it is called; one that comes again and again puts itself in again.
 """
 
-from abc import ABC
+import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple, Protocol
 
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS
 from hil.instruments import world
+from hil.links.contract import Counters
+from hil.links.frame.checksums import SUMS
+from hil.links.search import find_frames
 from sim.environment.seawater.pressure import pressure_at
 from sim.sensors.mounting import Mounting
 
@@ -94,6 +98,41 @@ class Lines:
         *lines, rest = (self.rest + data).replace(b"\r", b"\n").split(b"\n")
         self.rest = rest[-self._longest :]
         return filter(None, lines)
+
+
+class Frames(ABC):
+    """Finds binary messages of at least a byte in any pieces, whatever lies between them; also their `Grammar`.
+
+    A message may begin where `begin` matches, and ends with `checksum`, low byte first. A piece with bytes that belong
+    to no message counts as malformed.
+    """
+
+    begin: re.Pattern[bytes]
+    checksum = SUMS["sum16"]
+
+    def __init__(self) -> None:
+        self._rest, self.malformed = b"", 0
+
+    def read(self, data: bytes, now_ns: int = 0) -> Iterable[Any]:
+        """Return the bytes of each message that is complete with `data`."""
+        buffer, counters = self._rest + data, Counters()
+        frames, rest = find_frames(self, buffer, counters)
+        self._rest, self.malformed = buffer[rest:], self.malformed + bool(counters.dropped_bytes)
+        return [buffer[start:end] for start, end in frames]
+
+    def find_start(self, buffer: bytes, position: int) -> int:
+        """Return where the next message may begin: see `Grammar`."""
+        found = self.begin.search(buffer, position)
+        return found.start() if found else len(buffer)
+
+    @abstractmethod
+    def size_at(self, buffer: bytes, start: int) -> int:
+        """Return the size of the message that may begin at `start`: see `Grammar`."""
+
+    def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
+        """Return whether the checksum of the whole message at `start` is right."""
+        end = start + size - self.checksum.size
+        return self.checksum.of(buffer[start:end]) == int.from_bytes(buffer[end : start + size], "little")
 
 
 Send = Callable[[bytes, Client | None, int], None]  # as `Instrument.send`

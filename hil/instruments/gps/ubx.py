@@ -3,17 +3,20 @@
 Little endian; times of week in ms, places in 1e-7 degrees and mm, speeds in mm/s.
 """
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from math import hypot, sqrt
 from struct import pack
 from typing import Any
 
+from hil.instruments.contract import Frames
 from hil.instruments.gps.configuration import DEVICE, by_message
 from hil.instruments.gps.sky import LEAP_SECONDS, SPEED_ACCURACY, Epoch
 from hil.instruments.layout import pack_layout
 
 _SYNC = b"\xb5\x62"
-_MOST = 1024  # bytes of a payload that a receiver takes
+_SENTENCE, _CORRECTIONS = b"$\xd3"  # with which these begin
+_MOST, _LONGEST = 1024, 256  # bytes of a payload that a receiver takes, and of a sentence
 _UNKNOWN = 0xFFFFFFFF
 NAV, ACK, CFG, MON, PUBX = 0x01, 0x05, 0x06, 0x0A, 0xF1
 VERSION = 0x04  # of MON
@@ -32,45 +35,31 @@ def frame(group: int, number: int, payload: bytes = b"") -> bytes:
     return _SYNC + body + bytes((first, second))
 
 
-class Reader:
+class Reader(Frames):
     """Takes messages out of a stream in which sentences of NMEA and corrections (RTCM 3) may stand too."""
 
-    def __init__(self) -> None:
-        self._buffer = b""
-        self.malformed = 0
+    begin = re.compile(rb"\xb5(\x62|\Z)|\xd3([\0-\3]|\Z)|[$]")
 
     def read(self, data: bytes, now_ns: int = 0) -> Iterator[tuple[int, int, bytes]]:
         """Yield class, number and payload of each complete message; of a PUBX sentence its number and its fields."""
-        self._buffer += data
-        while len(self._buffer) >= 3:
-            size = self._size()
-            if size > len(self._buffer):
-                return
-            piece, self._buffer = self._buffer[:size], self._buffer[size:]
-            if piece[:2] == _SYNC and size >= 8:
-                if frame(piece[2], piece[3], piece[6:-2]) == piece:
-                    yield piece[2], piece[3], piece[6:-2]
-                else:
-                    self.malformed += 1
+        for piece in super().read(data):
+            if piece[:2] == _SYNC:
+                yield piece[2], piece[3], piece[6:-2]
             elif piece[:6] == b"$PUBX," and piece[6:8].isdigit():
                 yield PUBX, int(piece[6:8]), piece[9:].partition(b"*")[0]
 
-    def _size(self) -> int:
-        """Return the size of what the buffer begins with: a message, a sentence, corrections, or bytes to skip."""
-        buffer = self._buffer
-        if buffer[:2] == _SYNC:
-            size = 8 + int.from_bytes(buffer[4:6], "little")
-            if len(buffer) < 6 or size <= 8 + _MOST:
-                return max(6, size)
-        elif buffer[0] == 0xD3 and buffer[1] < 4:
-            return 6 + int.from_bytes(buffer[1:3], "big")
-        elif buffer[:1] == b"$":
-            end = buffer.find(b"\n", 0, 256)
-            if end >= 0 or len(buffer) < 256:
-                return end + 1 or 256
-        self.malformed += 1
-        starts = [at for at in (buffer.find(mark, 1) for mark in (_SYNC[:1], b"\xd3", b"$")) if at > 0]
-        return min(starts, default=len(buffer))
+    def size_at(self, buffer: bytes, start: int) -> int:
+        """Return the size of a message, of a sentence, or of corrections; 0 for one that is too long."""
+        mark, rest = buffer[start], buffer[start : start + _LONGEST]
+        if mark == _SENTENCE:
+            return rest.find(b"\n") + 1 or (_LONGEST if len(rest) < _LONGEST else 0)
+        size = 6 + int.from_bytes(rest[1:3], "big") if mark == _CORRECTIONS else 8 + int.from_bytes(rest[4:6], "little")
+        return size if size <= 8 + _MOST else 0
+
+    def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
+        """Return whether the checksum of a message is right; others are only read over."""
+        piece = buffer[start : start + size]
+        return piece[:2] != _SYNC or frame(piece[2], piece[3], piece[6:-2]) == piece
 
 
 def _mm(metres: float) -> int:

@@ -4,11 +4,12 @@ A message is 'B' 'R', length of the payload, number, source and destination, pay
 modulo 65,536; little-endian. Source: github.com/bluerobotics/ping-protocol, definitions of the common messages.
 """
 
+import re
 import struct
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Instrument, Reader
+from hil.instruments.contract import Client, Frames, Instrument, Reader
 from hil.instruments.layout import read_device, read_messages
 
 _START = b"BR"
@@ -32,37 +33,28 @@ class Frame(NamedTuple):
 def encode(frame: Frame) -> bytes:
     """Return the bytes of a frame."""
     data = _HEADER.pack(_START, len(frame.payload), frame.number, frame.source, frame.destination) + frame.payload
-    return data + _SUM.pack(sum(data) & 0xFFFF)
+    return data + _SUM.pack(Decoder.checksum.of(data))
 
 
-class Decoder:
-    """Finds the frames in a stream of bytes; what is none, such as the 'U' of an automatic baud rate, is skipped."""
+class Decoder(Frames):
+    """Finds the frames of a client; what is none, such as the 'U' of an automatic baud rate, is skipped."""
+
+    begin = re.compile(rb"BR|B\Z")
 
     def __init__(self) -> None:
-        self._buffer = bytearray()
-        self.malformed = 0  # frames with a wrong sum or length
+        super().__init__()
         self.host = 0  # number of the client, as it gives it
         self.streams: set[int] = set()  # numbers of the messages that it gets without asking
 
     def read(self, data: bytes, now_ns: int = 0) -> list[Frame]:
         """Return the frames that `data` completes."""
-        buffer, frames, at = self._buffer, [], 0
-        buffer += data
-        while (at := buffer.find(_START, at)) >= 0 and len(buffer) - at >= _HEADER.size:
-            _, length, number, source, destination = _HEADER.unpack_from(buffer, at)
-            end = at + _HEADER.size + length
-            if length <= _MAX_REQUEST and len(buffer) < end + _SUM.size:
-                break
-            if length > _MAX_REQUEST or _SUM.unpack_from(buffer, end)[0] != sum(buffer[at:end]) & 0xFFFF:
-                self.malformed += 1
-                at += len(_START)
-                continue
-            frames.append(Frame(number, bytes(buffer[at + _HEADER.size : end]), source, destination))
-            at = end + _SUM.size
-        if at < 0:
-            at = len(buffer) - buffer.endswith(_START[:1])
-        del buffer[:at]
-        return frames
+        found = [(_HEADER.unpack_from(each), each) for each in super().read(data)]
+        return [Frame(number, each[8:-2], source, to) for (_, _, number, source, to), each in found]
+
+    def size_at(self, buffer: bytes, start: int) -> int:
+        """Return the size of a frame; 0 for a payload that no host sends."""
+        length = int.from_bytes(buffer[start + 2 : start + 4], "little")
+        return _HEADER.size + length + _SUM.size if length <= _MAX_REQUEST else 0
 
 
 class PingDevice(Instrument):
