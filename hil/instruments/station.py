@@ -47,10 +47,8 @@ class Station:
         self._faults = spec.faults
         self._random = Random(f"{facts.seed} {facts.name}")
         self._instrument: Instrument | None = None
-        self._ready_ns = NEVER_NS  # when the warm-up is over
         self.due_ns = NEVER_NS  # when (monotonic ns) something is due next
         self._written: dict[Client, int] = {}
-        self._wires: Wires | None = None
         self._is_unplugged = self._is_started = False
         self._switch(began_ns)
 
@@ -61,18 +59,18 @@ class Station:
 
     def descriptors(self) -> list[int]:
         """Return what to wait on."""
-        return self._wires.descriptors() if self._wires and not self._is_unplugged else []
+        return self._wires.descriptors() if self._instrument and not self._is_unplugged else []
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Take a sample of the vehicle."""
-        if self._instrument and now_ns >= self._ready_ns:
+        if self._instrument and self._is_started:
             self._instrument.on_sample(topic, stamped, now_ns)
             self.due_ns = self._instrument.tick(now_ns)
 
     def on_request(self, method: str, path: str, query: dict[str, str], body: bytes, now_ns: int) -> Response | None:
         """Return the answer to a request of HTTP; None without power, before the warm-up, without cable."""
         instrument = self._instrument
-        if instrument is None or now_ns < self._ready_ns or self._is_unplugged:
+        if instrument is None or not self._is_started or self._is_unplugged:
             return None
         response = instrument.on_request(method, path, query, body, now_ns)
         self.due_ns = instrument.tick(now_ns)
@@ -81,19 +79,18 @@ class Station:
     def _carry(self, stream: Iterator[bytes], instrument: Instrument) -> Iterator[bytes]:
         """Yield the pieces of a stream with the cable's faults, until the instrument has no power any more."""
         for piece in stream:
-            if self._instrument is not instrument or self._wires is None:
+            if self._instrument is not instrument:
                 return
             yield b"" if self._is_unplugged or not piece else _damage(piece, self._faults, self._random)
 
     def poll(self, now_ns: int) -> None:
         """Read what has come, and do what is due."""
         self._switch(now_ns)
-        wires, instrument = self._wires, self._instrument
-        if wires is None or instrument is None:
+        instrument, came = self._instrument, False
+        if instrument is None:
             return
-        came = False
-        for client, data in () if self._is_unplugged else wires.receive(now_ns):
-            if now_ns < self._ready_ns:
+        for client, data in () if self._is_unplugged else self._wires.receive(now_ns):
+            if not self._is_started:
                 continue  # while it warms up, it loses what comes
             came = True
             if data is None:
@@ -107,10 +104,11 @@ class Station:
             self.due_ns = instrument.tick(now_ns)
 
     def close(self) -> None:
-        """Close its wires."""
-        if self._wires:
+        """Turn its power off, and close its wires."""
+        if self._instrument:
+            self._instrument, self._is_started, self.due_ns = None, False, NEVER_NS
+            self._written.clear()
             self._wires.close()
-            self._wires = None
 
     def _switch(self, now_ns: int) -> None:
         """Turn its power on and off, and pull its cable, as the faults want it."""
@@ -121,15 +119,11 @@ class Station:
             self._wires = Wires(self._spec.at, self._kind, self._report, partial(self._serve, self))
             self._instrument = self._kind(self._spec.settings, self._facts, self._scene, self._send)
             self._instrument.change_baud = self._wires.set_baud
-            self._ready_ns = now_ns + seconds_ns(self._kind.warm_up_s)
-            self.due_ns = self._ready_ns
-            self._is_started = False
+            self.due_ns = now_ns + seconds_ns(self._kind.warm_up_s)
         elif not has_power and self._instrument:
-            self._instrument, self.due_ns = None, NEVER_NS
-            self._written.clear()
             self.close()
             self._report(f"{self._facts.name}: without power")
-        if self._instrument and self._wires and not self._is_started and now_ns >= self._ready_ns:
+        if self._instrument and not self._is_started and now_ns >= self.due_ns:
             self._is_started = True
             self._instrument.start(now_ns)
             for client in self._wires.clients():
@@ -137,13 +131,12 @@ class Station:
             self._report(f"{self._facts.name}: {self._spec.name} at {', '.join(self._wires.names)}")
 
     def _send(self, data: bytes, to: Client | None, measured_ns: int) -> None:
-        wires = self._wires
-        if wires is None or self._is_unplugged:
+        if self._instrument is None or self._is_unplugged:
             return
-        for client in [to] if to else wires.clients():
+        for client in [to] if to else self._wires.clients():
             damaged = _damage(data, self._faults, self._random)
             if damaged:
-                wires.send(client, damaged)
+                self._wires.send(client, damaged)
                 self._written[client] = self._written.get(client, 0) + len(damaged)
                 if measured_ns and self._sent:
                     written = self._written[client]
