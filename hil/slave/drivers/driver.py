@@ -116,6 +116,7 @@ class ThrusterDriver(ABC):
     is_slow = False
     arming_refusal = ""
     newest: ThrusterTelemetry | None = None
+    _lost_ns = _check_ns = 0
     children: tuple[int, ...]
     descriptors: list[int]
     pwm_us: tuple[int, ...]
@@ -134,7 +135,6 @@ class ThrusterDriver(ABC):
         self._end_s = end_s
         self._neutral = self.pwm_us = (PWM_NEUTRAL_US,) * channels
         self._opening: _Opening | None = None  # while the link is lost
-        self._lost_ns = self._check_ns = 0
         self._requested_ns = 0  # when the first unanswered command was sent; 0 if there is none
         self._attach(open_ends())
 

@@ -16,6 +16,7 @@ from hil.ros.commands import encode_number
 from hil.ros.diagnostics import Diagnostics
 from hil.slave import command_receiver as module
 from hil.slave.command_receiver import AgeFilter, CommandReceiver, decode_velocity
+from sim.sensors.samples import PressureSample
 
 GID, OTHER = bytes(range(16)), bytes(16)
 MS = 1_000_000
@@ -106,7 +107,10 @@ def test_another_master_is_refused_until_the_first_times_out(command_receiver: C
     assert (command_receiver.master, command_receiver.refused) == (GID, 1)
     taken = command_receiver.take_latest()
     assert taken is not None
+    assert command_receiver.wakeup.is_set(), "the diagnostics name it"
+    command_receiver.wakeup.clear()
     command_receiver.remove_sender(GID)
+    assert command_receiver.wakeup.is_set()
     deliver(command_receiver, 2, gid=OTHER)
     assert command_receiver.master == OTHER
     command_receiver.ranks[GID] = 1
@@ -114,7 +118,15 @@ def test_another_master_is_refused_until_the_first_times_out(command_receiver: C
     assert command_receiver.master == GID, "a higher rank takes over at once"
     deliver(command_receiver, 3, gid=OTHER)
     assert command_receiver.refused == 2
-    assert command_receiver.wakeup.is_set()
+
+
+def test_a_new_receiver_has_no_master_and_takes_only_topics_of_commands() -> None:
+    receiver = CommandReceiver(age_limit_ns=100 * MS)
+    assert (receiver.is_master_timed_out, receiver.master, receiver.fault) == (True, b"", "")
+    for topic in ("cmd_nothing", "imu", "pressure"):
+        receiver.on_message(topic, ros.encode_pressure(PressureSample(0, 1e5), ""), ros.pack_attachment(1, 0, GID))
+    assert (receiver.malformed, receiver.master) == (3, b"")
+    receiver.close()
 
 
 def test_a_removed_unknown_sender_frees_the_vehicle_for_another_master(

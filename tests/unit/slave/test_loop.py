@@ -58,6 +58,9 @@ def test_each_step_is_observed_before_it_and_its_samples_reach_source_and_publis
     assert source.of("end_step") == [[loop.simulation, has_sent] for has_sent in sent]
     assert set(sent) == {True, False}
     assert publisher.made == [("wake",)]
+    loop.paused = True
+    loop.advance_to(loop.schedule.deadline_ns)
+    assert (loop.simulation.time_ns, publisher.made) == (5 * STEP_NS, 2 * [("wake",)]), "services publish meanwhile"
 
 
 def test_the_watch_is_checked_once_a_period(vehicle: Vehicle) -> None:

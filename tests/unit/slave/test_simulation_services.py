@@ -73,10 +73,11 @@ def test_an_orientation_of_any_length_is_one(vehicle: Vehicle) -> None:
 def test_reset_returns_the_vehicle_to_its_start(vehicle: Vehicle) -> None:
     start = vehicle.start
     for scope, done in ((0, OK), (1, UNSUPPORTED), (2, OK), (4, UNSUPPORTED), (255, UNSUPPORTED)):
-        vehicle.simulation.state.position = [9.0, 9.0, 9.0]
+        vehicle.simulation.state.position, vehicle.simulation.state.nu = [9.0, 9.0, 9.0], [0.1] * 6
         assert code(call(vehicle, "reset_simulation", scope=scope)) == done
         moved = list(vehicle.simulation.state.position) == [start.north, start.east, start.depth]
-        assert moved == (done == OK)
+        assert moved == (done == OK) == (list(vehicle.simulation.state.nu) == [0.0] * 6)
+    assert list(vehicle.simulation.state.quaternion) == pytest.approx(from_euler(0.0, 0.0, start.heading))
 
 
 def test_a_vehicle_that_is_moved_takes_its_tether_along(vehicle: Vehicle) -> None:

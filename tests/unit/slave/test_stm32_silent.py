@@ -77,7 +77,7 @@ def test_a_silent_stm32_is_reported_once_and_so_is_its_return() -> None:
     bed = Bed()
     for start_s in (0.0, 10.0):
         bed.driver.send(COMMAND)
-        bed.check_after(0.4)
+        bed.check_after(0.5)
         assert not bed.driver.is_silent
         bed.output.clear()
         for later in (0.6, 0.8, 5.0):

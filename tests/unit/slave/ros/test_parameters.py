@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 
 from hil.common.errors import ConfigError
-from hil.slave.ros.parameters import Parameters, _is_below, failures_text, read_failures
+from hil.slave.ros.parameters import MAX, Parameters, _is_below, failures_text, read_failures
 from sim.tether import TetherKeys
+from sim.vehicle.failures import Failure
 
 DOUBLE, STRING = 3, 4
 
@@ -23,10 +24,13 @@ class FakeTether:
 
 def call_services(tether: FakeTether | None) -> Any:
     """Return a function that calls a parameter service, and the lists of what was reported and published."""
-    simulation = SimpleNamespace(tether=tether, failures=lambda _: ())
+    failures = list[Failure]()
+    simulation = SimpleNamespace(tether=tether, failures=lambda _: failures[1:])
     publisher = SimpleNamespace(stamps=SimpleNamespace(wall_ns=lambda now: now), publish=lambda *_: None)
     source = SimpleNamespace(pilot=None)
-    loop: Any = SimpleNamespace(simulation=simulation, source=source, sample_publisher=publisher)
+    loop: Any = SimpleNamespace(
+        simulation=simulation, source=source, sample_publisher=publisher, fail=lambda *new: failures.extend(new)
+    )
     reports: list[str] = []
     services = Parameters(loop, "uuv1", {"bow": "bow"}, reports.append).services()
     return lambda name, **request: services[name][1](request), reports
@@ -46,7 +50,16 @@ def test_a_tethers_length_can_be_set_and_its_pull_read() -> None:
     assert call("get_parameter_types", names=[*names, "failures.bow", "x"])["types"] == [DOUBLE, DOUBLE, STRING, 0]
     assert [d["read_only"] for d in call("describe_parameters", names=names)["descriptors"]] == [False, True]
     assert call("set_parameters", parameters=[parameter(names[0], 25.0)])["results"] == [{"successful": True}]
-    assert (tether.length, reports) == (25.0, ["parameter: tether.length: 25 m"])
+    failure = 'kind = "off"; kind = "noisy", noise = 0.2'
+    (answer,) = call("set_parameters", parameters=[parameter("failures.bow", failure)])["results"]
+    assert answer == {"successful": True}
+    assert call("get_parameters", names=["failures.bow"])["values"][0]["string_value"] == failure
+    lines = ["parameter: tether.length: 25 m", f"parameter: failures.bow: {failure}"]
+    assert (tether.length, reports) == (25.0, lines)
+    for count, fits in ((MAX, True), (MAX + 1, False)):
+        many = [parameter(names[0], 30.0)] * count
+        assert call("set_parameters_atomically", parameters=many)["result"]["successful"] == fits
+        assert len(call("set_parameters", parameters=many)["results"]) == MAX
 
 
 def test_invalid_values_are_refused_with_a_reason() -> None:
