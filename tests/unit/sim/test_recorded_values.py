@@ -8,32 +8,45 @@ import tempfile
 from array import array
 from collections.abc import Callable, Iterator
 from itertools import product
-from math import cos, sin
+from math import cos, nan, sin
 from pathlib import Path
+from random import Random
+from re import findall
 from typing import Any
+from xml.etree.ElementTree import tostring
 
 import numpy as np
 import pytest
 
 from hil.autonomy.control.allocation import pseudo_inverse
-from sim.dynamics import State
+from hil.common.errors import ConfigError
+from sim.dynamics import Dynamics, State
 from sim.environment.bottom import Bottom
+from sim.environment.collision import Contact
 from sim.environment.ocean import Profile
+from sim.environment.optics import jerlov
 from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
 from sim.environment.seawater.absorption import francois_garrison
 from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.shallows import distance_to_shallows
+from sim.environment.stratification import surface_and_layers
 from sim.environment.terrain import Terrain, covering
-from sim.environment.texture import Texture
+from sim.environment.texture import Texture, smooth_slopes
 from sim.environment.things.shapes import KINDS, parse_shapes, place_shapes
-from sim.environment.world import load_world
+from sim.environment.water import SampledWaves, wave_inertia
+from sim.environment.wind import Wind, WindForce
+from sim.environment.world import World, load_world
+from sim.forces import Force
 from sim.modems.acoustic import AcousticChannel, AcousticModem
 from sim.modems.sound import ambient_noise, paths, thorp_absorption, transmission_loss
 from sim.modems.usbl import UsblRounds
 from sim.rays import solids
 from sim.rays.scene import RayScene
-from sim.rotations import from_euler, matrix
+from sim.rotations import from_euler, matrix, rotate
+from sim.sdf.as_urdf import as_urdf
 from sim.sensors.error import ErrorModel
+from sim.sensors.imaging.camera.lamps import Lamps
+from sim.sensors.imaging.camera.motion import Motion, RawPicture
 from sim.sensors.imaging.fan_picture import render_fan
 from sim.sensors.imaging.range_image import RangeImageModel, RangeImager
 from sim.sensors.imaging.samples import SonarImageSample
@@ -41,10 +54,19 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import SensorSpec, load_sensor
 from sim.sensors.variances import error_variances
 from sim.simulation import Simulation
+from sim.vehicle.ballast import Bladder, BuoyancyEngine
+from sim.vehicle.body_lift import CrossFlow, CrossFlowDrag, FadingDamping, HullLift, Lift, SlowDamping, SpeedDamping
+from sim.vehicle.buoyancy import Hull
+from sim.vehicle.collision_shape import Collision
+from sim.vehicle.fins import Fin, FinSet, fin_matrix
+from sim.vehicle.hydrostatics import afloat
 from sim.vehicle.terminal_speed import axis_capabilities
+from sim.vehicle.thrusters.azimuth import AzimuthSet
 from sim.vehicle.thrusters.bank import wrench_matrix
+from sim.vehicle.thrusters.model import Azimuth
 from sim.vehicle.thrusters.t200 import performance, pulse_for
-from sim.vehicle.urdf.importer import read_urdf
+from sim.vehicle.urdf.importer import read_robot, read_urdf
+from sim.vehicle.urdf.text import read_xml
 from sim.vehicle.urdf.writer import urdf_of
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.processes import ROOT
@@ -157,6 +179,134 @@ def vehicles(folder: Path) -> Iterator[Any]:
         yield performance(pulse, volts), pulse_for(performance(pulse, volts).thrust, volts)
 
 
+WATER = (
+    '<gazebo><link name="hull"><volume>0.02</volume><hydrodynamic_model>{}</hydrodynamic_model></link></gazebo></robot>'
+)
+CHANGES = [  # of the model with the tags of all simulators, which then lacks limits, a volume, a mass, a hull ...
+    ("Polynomial>", "_>"), ("libBuoyancyPlugin", "x"), ('<mass value="24"/>', ""), ("gz-sim-hydrodynamics", "x"),
+    ("_motor", "_m"), ('type="continuous"', 'type="fixed"'), ("box size", "ball size"), ('izz="1.4"', 'izz="9"'),
+    ("0 1.5 0", "0 0 0"), ("0.1 1.4 0.3", "0 0 0"), *[("</robot>", WATER.format(shape)) for shape in (
+        "<type>spheroid</type><radius>0.3</radius><length>0.2</length>", "<type>cylinder</type>", "<type>sphere</type>",
+        "<type>ellipsoid</type>", "<type>box</type><width>0.2</width>", "<type>cylinder</type><radius>0.02</radius>",
+        "<type>cylinder</type><axis>j</axis><radius>0.2</radius>",
+    )],
+]  # fmt: skip
+
+
+def numbers(text: str) -> list[float]:
+    return [float(found) for found in findall(r"-?\d+\.?\d*(?:e[-+]\d+)?", text)]
+
+
+def imports(_: Path) -> Iterator[Any]:
+    """Models of simulators: every tag of vehicles and sensors, and what follows if some are not there."""
+    mixed = (RECORD.parent / "imported.urdf").read_text()
+    for old, new in CHANGES:
+        try:
+            found = read_robot(read_xml("m.urdf", mixed.replace(old, new).encode()), "m.urdf")
+            yield from (len(found.notes), *numbers(repr(found.vehicle)))
+        except ConfigError as error:
+            yield str(error).count(", ")  # between what is missing
+    yield from numbers(repr(found.sensors))
+
+
+def sdf(_: Path) -> Iterator[Any]:
+    """Models in each other, in a world that was saved: every number of the robot that is made of them."""
+    path, notes = RECORD.parent / "otter" / "nested.sdf", list[str]()
+    saved = path.read_text()
+    for text in (saved, saved.replace("state>", "other>")):
+        for name in ("rig", "parked"):
+            robot = tostring(as_urdf(str(path), notes, name, text.encode())).decode()
+            yield from (len(robot.replace(str(ROOT), "")), len(notes), *numbers(robot.replace(str(ROOT), "")))
+
+
+def forces(folder: Path) -> Iterator[Any]:
+    """Every force in Python, of a vehicle without any symmetry, above, at and below the surface, ahead and astern."""
+    (folder / "w.toml").write_text(BAY + SEA)
+    world = load_world(str(folder / "w.toml"))
+    vehicle = load_vehicle("bluerov2_heavy")[0]._replace(
+        center_of_buoyancy=(0.02, -0.03, -0.05), dimensions=(1.2, 0.5, 0.4), center_of_gravity=(0.1, 0.02, 0.03)
+    )
+    waves = SampledWaves(world.ocean.waves, world, 3, vehicle.dimensions)  # type: ignore[union-attr,arg-type]
+    lift = Lift(0.2, aspect_ratio=0.4, parasitic_drag=0.05, stall_angle=0.3, position=(-0.3, 0.1, 0.05))
+    fin = Fin("f", (-0.5, 0.2, 0.1), (0.1, 0.3, -2.0), 0.02, 0.5, (1.0, 0.2, 0.1), 2.0, straightening=0.7)
+    turning = [
+        one._replace(azimuth=Azimuth(1.5), torque=0.02, position=(0.2, -0.3, 0.1 * n), direction=(0.8, 0.5, 0.1))
+        for n, one in enumerate(vehicle.thrusters)
+    ]
+    fins, azimuths = FinSet([fin, fin._replace(chord=(-1.0, 0.0, 0.2))], 1020.0, 0.01), AzimuthSet(turning, 0.01)
+    azimuths.read_thrusts = lambda: [3.0 * n - 7.0 for n in range(len(turning))]
+    engine = BuoyancyEngine((0.3, -0.1, 0.2), 1e-4, 3e-4, 7e-4, 5e-3)
+    bladder = Bladder(engine, 9810.0, 0.01)
+    acting: list[Force] = [
+        HullLift(lift, 1020.0), HullLift(lift._replace(plane="vertical"), 1020.0), fins, azimuths, bladder,
+        CrossFlowDrag(CrossFlow((1.1, 0.7), (0.2, 0.6)), (1.6, 0.3, 0.2), 1020.0), SpeedDamping(range(36)),
+        SlowDamping(FadingDamping((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), 2.0, 1.5)),
+        WindForce(vehicle, Wind(8.0, 2.0, 0.2, components=3), waves.wave_field, 7),
+        *surface_and_layers(vehicle, world, waves.wave_field),
+    ]  # fmt: skip
+    hull = Hull(vehicle, 1020.0, 9.81)
+    for step, (depth, turn, speed) in enumerate(product((-0.9, -0.1, 0.2, 1.4), (0.2, 2.6), (0.6, -1.3))):
+        for servos in (fins, azimuths):
+            servos.step([1400 + 40 * step + 50 * n for n in range(len(servos.angles))])
+        bladder.step(1450 + 20 * step)
+        position, attitude = (3.0 + step, -2.0, depth), matrix(from_euler(0.3 * turn, -0.2, turn))
+        nu = (speed, 0.3 * turn, -0.4, 0.2, -0.3, 0.5)
+        yield waves.motion(70 * step * NS // 1000, position, attitude)
+        yield hull.buoyancy(depth, (0.1 * turn, -0.2, 1.0)), waves.wave_field.surface(0.07 * step, 3.1, -2.2)
+        for force in acting:
+            force.begin(70 * step * NS // 1000)
+            yield force.wrench(position, attitude, nu)
+    yield afloat(vehicle, 1020.0, 9.81) or 0.0
+    yield wave_inertia(vehicle, 1020.0), fin_matrix([fin], 1020.0), hull.numbers()
+
+
+def collisions(folder: Path) -> Iterator[Any]:
+    """Hulls of every shape that move into obstacles, relief, cells without data and the edge of the grid."""
+    vehicle, _ = load_vehicle("paper_six")
+    inverse_mass = Dynamics(vehicle, 1020.0, 9.81).inverse_mass
+    grid = covering((-9.0, 9.0, -9.0, 9.0), 1.0)
+    holed = Terrain(grid, array("f", [nan if n % 29 == 3 else 7.0 + 0.1 * (n % 4) for n in range(361)]), 5.0)
+    worlds = [World("holes", "test", EXTENT, 5.0, terrain=holed)]
+    for text in (BAY, BAY + THINGS):
+        (folder / "w.toml").write_text(text)
+        worlds.append(load_world(str(folder / "w.toml")))
+    spheres = Collision("spheres", ((0.3, 0.0, 0.1, 0.2), (-0.4, 0.1, 0.0, 0.15)), 0.0, 0.0)
+    for world, keys in product(worlds, (Collision(), Collision("capsule", restitution=0.5), spheres)):
+        contact = Contact(vehicle._replace(collision=keys), world, inverse_mass, 0.1)
+        random = Random(len(world.name))
+        for _ in range(12):
+            at = random.uniform(-9.0, 9.0), random.uniform(-9.0, 9.0), world.seabed(0.0, 0.0) - random.uniform(0.0, 1.5)
+            nu = [random.uniform(-2.0, 2.0) for _ in range(6)]
+            state = State(at, from_euler(*[random.uniform(-0.5, 0.5) for _ in range(3)]), nu)
+            state.nu_dot = [0.3, -0.2, 0.1, 0.1, 0.2, -0.1]
+            for _ in range(4):
+                moved = rotate(state.quaternion, state.nu[:3])
+                state.position = [a + 0.1 * b for a, b in zip(state.position, moved, strict=True)]
+                if contact.resolve(state):
+                    yield *state.position, len(contact.what), contact.count
+                    yield state.quaternion
+                    yield state.nu
+                    yield contact.impulse
+                yield contact.is_inside(state), *contact.clearance()
+
+
+def cameras(_: Path) -> Iterator[Any]:
+    """Parts of a camera's picture: the flow of its points, the veil of its lamps, and smooth slopes."""
+    lens = np.array([(1.0, 0.2 * k % 1.3 - 0.6, 0.3 * k % 1.1 - 0.5) for k in range(20)])
+    ranges, toward = 0.3 + 0.2 * np.arange(20.0), lens / np.linalg.norm(lens, axis=1)[:, None]
+    raw = RawPicture(np.outer(ranges, (1.0, 2.0, 3.0)).astype(np.float32), ranges, np.arange(20, dtype=np.int32))
+    mounting = Mounting((0.2, 0.1, 0.3), (0.1, -0.3, 0.4))
+    for exposure, readout in ((0.0, 0.2), (0.3, 0.0), (0.01, 0.02), (1.5, 0.4)):
+        motion = Motion((5, 4), 30.0, toward, exposure, readout)
+        moved = motion.apply(raw, mounting, (0.4, -0.3, 0.2, 0.3, -0.2, 0.5))
+        yield from (moved.radiance.tolist(), moved.ranges.tolist(), moved.objects.tolist())
+    for lamps in (Lamps(0.3, 500.0, False, 3.0, 8.0), Lamps(0.1, 500.0, False, 1.0, 0.2)):
+        yield [float(x) for x in lamps.veil(ranges, toward[:, 1], jerlov("7C")).ravel()]
+    terrain = Terrain(covering(EXTENT, 2.0), RELIEFS[4].depths(covering(EXTENT, 2.0)), 8.0)
+    for part in smooth_slopes(terrain, np.arange(-22.0, 23.0, 3.7), np.arange(26.0, -19.0, -3.7)):
+        yield from part.tolist()
+
+
 def sensor_errors(folder: Path) -> Iterator[Any]:
     (folder / "w.toml").write_text(BAY + SEA)
     world = load_world(str(folder / "w.toml"))
@@ -186,7 +336,8 @@ def sonar_pictures(folder: Path) -> Iterator[Any]:
 
 
 TABLES: list[Callable[[Path], Iterator[Any]]] = [
-    reliefs, textures, shapes, sea_water, modems, rays, vehicles, sensor_errors, sonar_pictures,
+    reliefs, textures, shapes, sea_water, modems, rays, vehicles, imports, sdf, forces, collisions, cameras,
+    sensor_errors, sonar_pictures,
 ]  # fmt: skip
 
 

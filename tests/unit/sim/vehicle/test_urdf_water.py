@@ -161,28 +161,3 @@ def test_a_quadratic_fin_is_converted_to_a_lift_slope() -> None:
     assert 0.5 * 1000.0 * fin.area * drag == pytest.approx(13.0 * 0.1**2)
     assert lift == pytest.approx(0.1 * fin.polar.lift_slope)
     assert (fin.axis, fin.max_deflection, fin.time_constant) == ((0.0, 0.0, -1.0), 0.4, 0.3)
-
-
-def test_sensors_of_plugins_and_tags_are_imported() -> None:
-    """A DVL of uuv_simulator points along its link's x; its beams are not lasers. One beam is an echosounder."""
-    down = 'rpy="0 1.5707963267948966 0"'
-    extra_xml = (
-        f'<link name="dvl"/><joint name="d"><origin xyz="0.1 0.2 0" {down}/><parent link="hydra/base_link"/>'
-        '<child link="dvl"/></joint><link name="beam"/><joint name="b"><parent link="dvl"/><child link="beam"/></joint>'
-        '<gazebo><plugin filename="libuuv_gazebo_ros_dvl_plugin.so"><link_name>dvl</link_name>'
-        "<update_rate>7</update_rate><beam_link_name_0>beam</beam_link_name_0></plugin></gazebo>"
-        '<gazebo reference="beam"><sensor type="ray" name="b0"/></gazebo>'
-        '<gazebo reference="dvl"><sensor type="ray" name="down"><update_rate>5</update_rate><ray><scan><horizontal>'
-        "<samples>1</samples></horizontal></scan><range><min>0.5</min><max>60</max></range></ray></sensor></gazebo>"
-        '<gazebo><plugin filename="libuuv_gazebo_ros_subsea_pressure_plugin.so"><link_name>dvl</link_name>'
-        "<noise_sigma>3</noise_sigma></plugin></gazebo>"
-        '<gazebo><plugin name="cpc" filename="libuuv_gazebo_ros_cpc_plugin.so"/></gazebo>'
-    )
-    vehicle = imported(extra_xml=extra_xml)
-    assert set(vehicle.sensors) == {"dvl", "echosounder", "pressure"}
-    for name in ("dvl", "echosounder"):
-        assert vehicle.sensors[name]["position"] == [0.1, -0.2, 0.0]
-        assert "orientation" not in vehicle.sensors[name]  # straight down
-    assert vehicle.sensors["echosounder"]["max_range"] == 60.0
-    assert vehicle.sensors["pressure"]["error"] == {"noise": 3000.0}
-    assert "Left out: the sensor cpc, of a kind that there is not." in vehicle.notes
