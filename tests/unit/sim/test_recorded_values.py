@@ -292,8 +292,8 @@ def collisions(folder: Path) -> Iterator[Any]:
 
 def cameras(_: Path) -> Iterator[Any]:
     """Parts of a camera's picture: the flow of its points, the veil of its lamps, and smooth slopes."""
-    lens = np.array([(1.0, 0.2 * k % 1.3 - 0.6, 0.3 * k % 1.1 - 0.5) for k in range(20)])
-    ranges, toward = 0.3 + 0.2 * np.arange(20.0), lens / np.linalg.norm(lens, axis=1)[:, None]
+    lens = np.array([(1.0, 0.2 * k % 1.3 - 0.6, 0.3 * k % 1.1 - 0.5) for k in range(20)], np.float32)
+    ranges, toward = np.linspace(0.3, 4.1, 20, dtype=np.float32), lens / np.linalg.norm(lens, axis=1)[:, None]
     raw = RawPicture(np.outer(ranges, (1.0, 2.0, 3.0)).astype(np.float32), ranges, np.arange(20, dtype=np.int32))
     mounting = Mounting((0.2, 0.1, 0.3), (0.1, -0.3, 0.4))
     for exposure, readout in ((0.0, 0.2), (0.3, 0.0), (0.01, 0.02), (1.5, 0.4)):
@@ -304,7 +304,7 @@ def cameras(_: Path) -> Iterator[Any]:
         yield [float(x) for x in lamps.veil(ranges, toward[:, 1], jerlov("7C")).ravel()]
     terrain = Terrain(covering(EXTENT, 2.0), RELIEFS[4].depths(covering(EXTENT, 2.0)), 8.0)
     for part in smooth_slopes(terrain, np.arange(-22.0, 23.0, 3.7), np.arange(26.0, -19.0, -3.7)):
-        yield from part.tolist()
+        yield part.tolist()
 
 
 def sensor_errors(folder: Path) -> Iterator[Any]:
