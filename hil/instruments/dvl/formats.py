@@ -50,10 +50,9 @@ def json_report(report: Report, config: DvlSettings, now_ns: int) -> bytes:
 
 def json_position(reckoning: DeadReckoning, now_ns: int) -> bytes:
     """Return a dead reckoning report."""
-    place = dict(zip(("x", "y", "z"), reckoning.position, strict=True))
-    angles = dict(zip(("roll", "pitch", "yaw"), reckoning.angles, strict=True))
-    fields = {"ts": to_wall_ns(now_ns) / NS_PER_S, **place, "std": reckoning.std, **angles, "status": 0}
-    return json_line("position_local", fields)
+    values = to_wall_ns(now_ns) / NS_PER_S, *reckoning.position, reckoning.std, *reckoning.angles, 0
+    names = "ts", "x", "y", "z", "std", "roll", "pitch", "yaw", "status"
+    return json_line("position_local", dict(zip(names, values, strict=True)))
 
 
 def lines_report(report: Report, config: DvlSettings, now_ns: int) -> bytes:

@@ -153,16 +153,6 @@ class Dvl(Instrument):
         elif self._format(client) == "json" and message.strip():
             self._take_json(client, message, now_ns)
 
-    def _reset_reckoning(self) -> None:
-        self._reckoning = DeadReckoning()
-        self._reckoning.turn(self._orientation, self._config.mounting_rotation_offset)
-
-    def _trigger(self) -> bool:
-        """Queue a ping; return False if the queue is full."""
-        is_free = self._triggers < MOST_TRIGGERS
-        self._triggers += is_free
-        return is_free
-
     def _take_json(self, client: Client, message: bytes, now_ns: int) -> None:
         try:
             content = json.loads(message)
@@ -192,11 +182,14 @@ class Dvl(Instrument):
         if command == "set_config":
             self._kept["config"] = self._config.changed(parameters)
         elif command == "reset_dead_reckoning":
-            self._reset_reckoning()
+            self._reckoning = DeadReckoning()
+            self._reckoning.turn(self._orientation, self._config.mounting_rotation_offset)
         elif command != "trigger_ping":
             raise ConfigError(f"unknown command {command[:40]}")
-        elif not self._trigger():
+        elif self._triggers >= MOST_TRIGGERS:
             raise ConfigError("trigger queue is full")
+        else:
+            self._triggers += 1
         return None
 
     def _reply(self, client: Client, *words: object) -> None:
@@ -217,12 +210,11 @@ class Dvl(Instrument):
             case ["wcc"]:
                 return "wrc", *map(word, self._config.options().values())
             case ["wcs", *options] if 4 <= len(options) <= len(OPTIONS):
-                return (self._configure(options),)
+                return self._configure(options)
             case ["wcr"]:
-                self._reset_reckoning()
-                return ("wra",)
+                return self._accept("reset_dead_reckoning", {})
             case ["wcx"]:
-                return ("wra" if self._trigger() else "wrn",)
+                return self._accept("trigger_ping", {})
             case ["wcg"]:
                 self.timers[lambda *_: self._reply(client, "wra")] = now_ns + CALIBRATION_NS
                 return ()
@@ -233,17 +225,21 @@ class Dvl(Instrument):
                 return ("wra",)
         return ("wr?",)
 
-    def _configure(self, words: list[str]) -> str:
+    def _accept(self, command: str, parameters: dict[str, Any]) -> tuple[str]:
+        """Execute a command; return the reply."""
+        try:
+            self._execute(command, parameters)
+        except ConfigError:
+            return ("wrn",)
+        return ("wra",)
+
+    def _configure(self, words: list[str]) -> tuple[str]:
         """Set the options that are not blank; return the reply."""
         try:
             values = {key: _value(key, given) for key, given in zip(OPTIONS, words, strict=False) if given}
         except (ValueError, KeyError):
-            return "wr?"
-        try:
-            self._kept["config"] = self._config.changed(values)
-        except ConfigError:
-            return "wrn"
-        return "wra"
+            return ("wr?",)
+        return self._accept("set_config", values)
 
 
 def _value(key: str, given: str) -> float | bool | str:
