@@ -1,4 +1,4 @@
-"""Messages that are declared as text: fields with the letters of `struct`, and where each value comes from.
+"""Messages that are declared as text: fields with the letters of `struct`, and where each value comes from; sentences.
 
 The tables of a device, devices/NAME.toml, hold its messages, its registers, the limits of its settings and their values
 at power on.
@@ -6,11 +6,13 @@ at power on.
 
 import os
 import struct
+from binascii import crc_hqx
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from hil.common.schema import preset_folder
 from hil.common.tables import read_table
+from hil.links.frame.checksums import SUMS
 
 Of = TypeVar("Of")
 
@@ -76,3 +78,14 @@ def fits(value: Any, allowed: Any) -> bool:
     if isinstance(allowed[0], str):
         return value in allowed
     return isinstance(value, int | float) and not isinstance(value, bool) and allowed[0] <= value <= allowed[1]
+
+
+def sentence(body: str, with_crc: bool = False) -> bytes:
+    """Return a line of NMEA 0183, or of VectorNav, with its checksum."""
+    data = body.encode("latin-1")
+    return b"$%b*%b\r\n" % (data, checksum(data, with_crc))
+
+
+def checksum(data: bytes, with_crc: bool = False) -> bytes:
+    """Return the exclusive or of the bytes, or their CRC-16 (CCITT from 0), in hexadecimal digits."""
+    return b"%04X" % crc_hqx(data, 0) if with_crc else b"%02X" % SUMS["xor8"].of(data)

@@ -4,19 +4,13 @@ from math import sqrt
 
 from hil.instruments.gps.configuration import DEVICE
 from hil.instruments.gps.sky import SPEED_ACCURACY, Epoch
-from hil.links.frame.checksums import SUMS
+from hil.instruments.layout import sentence
 
 _KNOT = 1852.0 / 3600.0  # m/s
 _IN_SENTENCE = 4  # satellites of one GSV
 _GSV = 0x03
 SENTENCES: dict[int, str] = {int(number, 16): text for number, text in DEVICE["sentences"].items()}
 GREETING = "GNTXT,01,01,02,u-blox AG - www.u-blox.com"  # by which a receiver names itself after power on
-
-
-def sentence(body: str) -> bytes:
-    """Return a sentence with its checksum, the exclusive or of all characters between $ and *."""
-    data = body.encode("ascii")
-    return b"$%b*%02X\r\n" % (data, SUMS["xor8"].of(data))
 
 
 def encode(number: int, epoch: Epoch) -> bytes:

@@ -9,6 +9,7 @@ from hil.instruments.contract import Client, Instrument, Reader
 from hil.instruments.gps import configuration as keys
 from hil.instruments.gps import nmea, ubx
 from hil.instruments.gps.sky import SPEED_ACCURACY, Epoch, make_epoch
+from hil.instruments.layout import sentence
 from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import Sensor
@@ -43,7 +44,7 @@ class Receiver(Instrument):
         """Name itself, as the device does after power on."""
         self._apply(now_ns)
         if self._configuration.values[keys.OUT_NMEA]:
-            self.send(nmea.sentence(nmea.GREETING))
+            self.send(sentence(nmea.GREETING))
 
     def new_reader(self, client: Client) -> Reader:
         """Return a reader of UBX messages; sentences and corrections are read over."""

@@ -14,7 +14,6 @@ from hil.common.clock import NS_PER_S
 from hil.common.vectors import Quaternion, Vector3
 from hil.instruments.gps.sky import GPS_EPOCH, LEAP_SECONDS, SPEED_ACCURACY, Epoch, make_epoch
 from hil.instruments.layout import pack_layout, read_device
-from hil.links.frame.checksums import SUMS
 from sim.geodesy import TangentPlane, earth_centred
 from sim.rotations import matrix, rotate, rotate_inverse, to_euler
 from sim.sensors.extra_samples import FixSample
@@ -179,14 +178,3 @@ def text_of(register: int, measurement: Measurement) -> str:
         form, _, name = part.partition(":")
         text += "".join(f",{value:{form}}" for value in QUANTITIES[name](measurement))
     return text
-
-
-def line(body: str, with_crc: bool = False) -> bytes:
-    """Return a line with its checksum."""
-    data = body.encode("latin-1")
-    return b"$%b*%b\r\n" % (data, checksum(data, with_crc))
-
-
-def checksum(data: bytes, with_crc: bool = False) -> bytes:
-    """Return the exclusive or of the bytes, or their CRC-16 (CCITT from 0), in hexadecimal digits."""
-    return b"%04X" % crc_hqx(data, 0) if with_crc else b"%02X" % SUMS["xor8"].of(data)

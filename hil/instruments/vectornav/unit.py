@@ -8,8 +8,8 @@ from hil.common.plugins import load_object
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Instrument
 from hil.instruments.gps.sky import make_epoch
-from hil.instruments.vectornav.outputs import DEVICE, MEASURED, NO_EPOCH, Measurement, checksum, parse_output, text_of
-from hil.instruments.vectornav.outputs import line as encode_line
+from hil.instruments.layout import checksum, sentence
+from hil.instruments.vectornav.outputs import DEVICE, MEASURED, NO_EPOCH, Measurement, parse_output, text_of
 from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.kinds import SENSORS
@@ -96,7 +96,7 @@ class Vn100(Instrument):
         if isinstance(answer, int):
             self.malformed += 1
             answer = f"VNERR,{answer:02d}"
-        self.send(encode_line(answer, self._has_crc), client)
+        self.send(sentence(answer, self._has_crc), client)
         self.set_baud(int(self._registers[_BAUD]))
 
     @property
@@ -180,7 +180,7 @@ class Vn100(Instrument):
         kind, data = self._registers[_KIND], b""
         if kind != "0" and self._is_due(_KIND, NS_PER_S // int(self._registers[_RATE]), stamped.sent_ns):
             header, number = _KINDS[kind]
-            data += encode_line(f"VN{header}{text_of(number, measurement)}", self._has_crc)
+            data += sentence(f"VN{header}{text_of(number, measurement)}", self._has_crc)
         for number in _BINARY:
             output = parse_output(self._registers[number])
             if output and output.ports & 1:

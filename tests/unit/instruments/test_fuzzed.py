@@ -13,9 +13,9 @@ from hil.instruments.dvl.unit import A50
 from hil.instruments.gps.receiver import Receiver
 from hil.instruments.gps.ubx import frame
 from hil.instruments.keller import Keller33X
+from hil.instruments.layout import sentence as line
 from hil.instruments.paroscientific import Digiquartz
 from hil.instruments.seatrac.link import SeatracLink
-from hil.instruments.vectornav.outputs import line
 from hil.instruments.vectornav.unit import Vn200
 from sim.sensors.extra_samples import FixSample, PositionSample
 from sim.sensors.gps import GpsModel

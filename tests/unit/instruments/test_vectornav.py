@@ -8,7 +8,8 @@ import pytest
 from vectornav import VN200
 
 from hil.common.clock import NS_PER_MS
-from hil.instruments.vectornav.outputs import checksum, line
+from hil.instruments.layout import checksum
+from hil.instruments.layout import sentence as line
 from hil.instruments.vectornav.unit import Vn100, Vn200
 from sim.dynamics import State
 from sim.rotations import from_euler
