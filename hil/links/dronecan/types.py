@@ -73,7 +73,7 @@ class Allocation(NamedTuple):
 
 def _half(value: float) -> float:
     """Return a value limited to the range of a float16; NaN stays NaN."""
-    return -MAX_HALF if value < -MAX_HALF else MAX_HALF if value > MAX_HALF else value
+    return max(min(value, MAX_HALF), -MAX_HALF)
 
 
 def pack_raw_command(raw: list[int]) -> bytes:

@@ -40,10 +40,13 @@ def test_the_link_is_another_name_of_the_pty(link_path: Path) -> None:
     assert wire.name == str(link_path)
     assert os.readlink(link_path) == wire.path
     host = PtyHostWire(str(link_path))
+    with pytest.raises(DeviceError):
+        PtyHostWire(str(link_path))
     host.write(b"hello")
     assert read_bytes(wire, 5) == b"hello"
     host.close()
     wire.close()
+    assert (host.fileno(), host.terminal, wire.fileno()) == (-1, -1, -1)
     assert os.listdir(link_path.parent) == []
 
 

@@ -125,8 +125,8 @@ def test_a_new_receiver_has_no_master_and_takes_only_topics_of_commands() -> Non
     assert (receiver.is_master_timed_out, receiver.master, receiver.fault) == (True, b"", "")
     for topic in ("cmd_nothing", "imu", "pressure"):
         receiver.on_message(topic, ros.encode_pressure(PressureSample(0, 1e5), ""), ros.pack_attachment(1, 0, GID))
-    assert (receiver.malformed, receiver.master) == (3, b"")
     receiver.close()
+    assert (receiver.malformed, receiver.master) == (3, b"")
 
 
 def test_a_removed_unknown_sender_frees_the_vehicle_for_another_master(
@@ -262,9 +262,8 @@ def test_many_earlier_masters_do_not_displace_a_masters_state(command_receiver: 
     assert command_receiver.disordered == 1
 
 
-COUNTED: list[
-    Any
-] = [  # sequence, sender, age (ms), wait before it (ms), and what it adds to the counters besides `received`
+# Sequence, sender, age (ms), wait before it (ms), and what it adds to the counters besides `received`.
+COUNTED: list[Any] = [
     ([], {}),
     ([(5, GID, 0, 0)], {}),
     ([(5, GID, 0, 0), (6, GID, 0, 0)], {"superseded": 1}),

@@ -117,6 +117,7 @@ def test_lists_may_be_consecutive_or_alternating(tmp_path: Path) -> None:
         ('type = "u16", unit = "normalised", scale = 0.001, offset = -1', (1100, 1500, 1900), "00 00 e8 03 d0 07"),
         ('type = "i16", unit = "rpm", full_scale = 3000', (1100, 1501, 1900), "48 f4 08 00 b8 0b"),
         ('type = "i32", unit = "N", full_scale = 50, scale = 0.01', (1100, 1500), "78 ec ff ff 00 00 00 00"),
+        ('type = "f32", unit = "normalised", full_scale = 2', (1300, 1900), "00 00 80 bf 00 00 00 40"),
         ('type = "f32", unit = "normalised"', (1300, 1900), "00 00 00 bf 00 00 80 3f"),
         ('type = "f32"', (1500, 1100), "00 80 bb 44 00 80 89 44"),
         ('type = "u16", scale = 0.1', (1500, 1900), "98 3a 38 4a"),

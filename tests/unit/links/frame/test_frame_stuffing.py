@@ -49,6 +49,7 @@ def test_cobs_matches_its_published_examples(frame: bytes, stuffed: str) -> None
 
 def test_slip_and_hdlc_match_their_rfcs() -> None:
     """Both match the tables of RFC 1055 and RFC 1662."""
+    assert [stuffer(name).delimiter for name in ("slip", "hdlc", "other")] == [b"\xc0", b"\x7e", b"\0"]
     assert stuffer("slip").stuff(b"\xc0\xdb\xdc\x01") == b"\xdb\xdc\xdb\xdd\xdc\x01"
     assert stuffer("hdlc").stuff(b"\x7e\x7d\x5e\x11") == b"\x7d\x5e\x7d\x5d\x5e\x11"
     assert stuffer("xbee").stuff(b"\x7e\x11\x13") == b"\x7d\x5e\x7d\x31\x7d\x33"

@@ -57,17 +57,21 @@ def test_an_old_packet_of_an_unknown_message_or_with_a_damaged_byte_is_dropped()
     damaged[7] ^= 1
     assert parser.unpack(bytes(damaged)) == []
     assert (counters.dropped_bytes, counters.checksum_errors) == (8 + len(damaged), 1)
+    assert parser.unpack(b"\xfd\x00\x02") == [], "with flags that there are not"
+    assert counters.dropped_bytes == 8 + len(damaged) + 3
 
 
 def test_a_partner_is_answered_in_the_version_that_it_speaks() -> None:
     parser, _ = stream()
     (newer,) = encode_esc_telemetry([READING], 0)
+    newest_old = dialect.MAVLink_setup_signing_message(1, 1, bytes(32), 0)  # number 256
     versions = []
     for packet in (Peer().pack(BEAT), old(BEAT), Peer().pack(BEAT)):
         (_,) = parser.unpack(packet)
         versions.append((parser.is_version_1, parser.pack(BEAT)[:1], parser.pack(newer)[:1]))
+        assert parser.is_version_1 == (parser.pack(newest_old) == b"")
     assert versions == [(False, b"\xfd", b"\xfd"), (True, b"\xfe", b""), (False, b"\xfd", b"\xfd")]
-    assert parser.pack(BEAT)[4] == 5, "what was not packed has no number"
+    assert parser.pack(BEAT)[4] == 7, "what was not packed has no number"
 
 
 def test_packets_are_numbered_and_the_number_wraps() -> None:
