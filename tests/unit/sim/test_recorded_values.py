@@ -62,7 +62,8 @@ from sim.vehicle.fins import Fin, FinSet, fin_matrix
 from sim.vehicle.hydrostatics import afloat
 from sim.vehicle.terminal_speed import axis_capabilities
 from sim.vehicle.thrusters.azimuth import AzimuthSet
-from sim.vehicle.thrusters.bank import wrench_matrix
+from sim.vehicle.thrusters.bank import ThrusterSet, wrench_matrix
+from sim.vehicle.thrusters.curves import Advance
 from sim.vehicle.thrusters.model import Azimuth
 from sim.vehicle.thrusters.t200 import performance, pulse_for
 from sim.vehicle.urdf.importer import read_robot, read_urdf
@@ -76,7 +77,7 @@ RECORD = ROOT / "tests" / "vectors" / "sim_values.json"
 PROFILE = Profile((0.0, 10.0, 40.0, 100.0), (1018.0, 1022.0, 1026.5, 1027.0), (1512.0, 1500.0, 1485.0, 1492.0))
 EXTENT = (-20.0, 20.0, -15.0, 25.0)
 RELIEFS = (
-    Slope(9.0, 0.3, 0.4, 1.0, -2.0), Step(9.0, 2.0, 1.2, 1.0, 2.0), Ridge(9.0, 3.0, 4.0, -0.7, 2.0, 1.0),
+    Slope(9.0, 0.3, 0.4, 1.0, -2.0, 0.5), Step(9.0, 2.0, 1.2, 1.0, 2.0, 2.0), Ridge(9.0, 3.0, 4.0, -0.7, 2.0, 1.0),
     Sinusoid(9.0, 1.5, 7.0, 0.9), Fractal(9.0, 1.2, seed=3),
 )  # fmt: skip
 PLACES = [(1.3, -2.2), (-14.8, 11.1), (19.0, 24.5), (40.0, 3.0), (-3.7, 60.0)]
@@ -135,7 +136,7 @@ def modems(_: Path) -> Iterator[Any]:
     for column in (None, WaterColumn(PROFILE, 9.81)):
         channel = AcousticChannel(modem, 50.0, 4, column)
         angle = ErrorModel(noise=0.01, offset=0.02)
-        rounds = UsblRounds(channel, ["ship"], ["ship", "one", "two"], 2 * NS, angle, modem.range_error, 3)
+        rounds = UsblRounds(channel, ["ship", "one"], ["ship", "one", "two"], 2 * NS, angle, modem.range_error, 3)
         for step in range(200):
             now = step * NS // 10
             rounds.ask(now, places)
@@ -189,6 +190,7 @@ CHANGES = [  # of the model with the tags of all simulators, which then lacks li
         "<type>spheroid</type><radius>0.3</radius><length>0.2</length>", "<type>cylinder</type>", "<type>sphere</type>",
         "<type>ellipsoid</type>", "<type>box</type><width>0.2</width>", "<type>cylinder</type><radius>0.02</radius>",
         "<type>cylinder</type><axis>j</axis><radius>0.2</radius>",
+        "<linear_damping_forward_speed>0 0 0 0 0 0</linear_damping_forward_speed>",
     )],
 ]  # fmt: skip
 
@@ -244,11 +246,14 @@ def forces(folder: Path) -> Iterator[Any]:
         WindForce(vehicle, Wind(8.0, 2.0, 0.2, components=3), waves.wave_field, 7),
         *surface_and_layers(vehicle, world, waves.wave_field),
     ]  # fmt: skip
-    hull = Hull(vehicle, 1020.0, 9.81)
+    hull, advance = Hull(vehicle, 1020.0, 9.81), Advance(0.1, 20.0, 0.4, 0.3, 0.2, 0.1)
+    advancing = ThrusterSet(vehicle._replace(thrusters=tuple([one._replace(curve=advance) for one in turning])), 0.01)
     for step, (depth, turn, speed) in enumerate(product((-0.9, -0.1, 0.2, 1.4), (0.2, 2.6), (0.6, -1.3))):
         for servos in (fins, azimuths):
             servos.step([1400 + 40 * step + 50 * n for n in range(len(servos.angles))])
         bladder.step(1450 + 20 * step)
+        advancing.step([1200 + 70 * n for n in range(8)], (speed, 0.3, -0.4, 0.2, -0.3, 0.5))
+        yield advancing.thrusts
         position, attitude = (3.0 + step, -2.0, depth), matrix(from_euler(0.3 * turn, -0.2, turn))
         nu = (speed, 0.3 * turn, -0.4, 0.2, -0.3, 0.5)
         yield waves.motion(70 * step * NS // 1000, position, attitude)
@@ -275,7 +280,7 @@ def collisions(folder: Path) -> Iterator[Any]:
         contact = Contact(vehicle._replace(collision=keys), world, inverse_mass, 0.1)
         random = Random(len(world.name))
         for _ in range(12):
-            at = random.uniform(-9.0, 9.0), random.uniform(-9.0, 9.0), world.seabed(0.0, 0.0) - random.uniform(0.0, 1.5)
+            at = random.uniform(-9.0, 9.0), random.uniform(-9.0, 9.0), world.seabed(0.0, 0.0) - random.uniform(0.0, 6.0)
             nu = [random.uniform(-2.0, 2.0) for _ in range(6)]
             state = State(at, from_euler(*[random.uniform(-0.5, 0.5) for _ in range(3)]), nu)
             state.nu_dot = [0.3, -0.2, 0.1, 0.1, 0.2, -0.1]
