@@ -30,7 +30,6 @@ class LiveWorld:
         self._scenario, self._watch = scenario, watch
         self.truth = TRUTH if TRUTH in scenario.sensors else "odom"
         self._newest: tuple[int, OdometrySample] | None = None
-        self._is_watched = False
 
     def on_truth(self, stamped: Stamped) -> None:
         """Take a state of the vehicle."""
@@ -38,18 +37,14 @@ class LiveWorld:
 
     def state(self, now_ns: int) -> State | None:
         """Return the true state at a monotonic time; None while none has come, or it is too old."""
-        if not self._is_watched:
-            self._is_watched = True
-            self._watch(self.truth)
+        self._watch(self.truth)  # which does nothing from the second time on
         if self._newest is None or now_ns - self._newest[0] > STALE_NS:
             return None
         measured_ns, sample = self._newest
         seconds = (now_ns - measured_ns) / NS_PER_S
         velocity = rotate(sample.orientation, sample.nu[:3])
-        state = State([x + speed * seconds for x, speed in zip(sample.position, velocity, strict=True)])
-        state.quaternion = list(integrate(sample.orientation, sample.nu[3:], seconds))
-        state.nu = list(sample.nu)
-        return state
+        position = [x + speed * seconds for x, speed in zip(sample.position, velocity, strict=True)]
+        return State(position, integrate(sample.orientation, sample.nu[3:], seconds), sample.nu)
 
     @cached_property
     def simulation(self) -> Any:
