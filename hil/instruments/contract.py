@@ -27,6 +27,7 @@ from hil.links.frame.checksums import SUMS
 from hil.links.search import find_frames
 from sim.environment.seawater.pressure import pressure_at
 from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Sensor
 
 Scene = world.Scene
 WireKind = Literal["tcp", "udp", "udpout", "serial", "pty", "http"]
@@ -177,6 +178,7 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
         self.malformed = 0  # messages off a wire that were not understood
         self.readers: dict[Client, Any] = {}  # by the clients that are there
         self.timers: dict[Callable[[int, int], object], int] = {}  # what is to be done -> when
+        self._tuned: tuple[Any, Any] = (None, None)  # a record of keys, and the sensor with it
         self.prepare()
 
     def prepare(self) -> None:  # noqa: B027
@@ -194,6 +196,12 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
         if baud != self.baud:
             self.baud = baud
             self.change_baud(baud)
+
+    def tuned(self, model: Any, mounting: Mounting | None = None, sensor: type[Sensor] | None = None) -> Any:
+        """Return its sensor with these keys, as `Scene.build` does: the same one as long as `model` is the same."""
+        if model != self._tuned[0]:
+            self._tuned = model, self.scene.build(model, mounting, sensor)
+        return self._tuned[1]
 
     def start(self, now_ns: int) -> None:  # noqa: B027
         """Begin: the warm-up is over."""

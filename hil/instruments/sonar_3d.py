@@ -71,8 +71,6 @@ class Sonar3D(Instrument):
         self._rules: dict[str, dict[str, Any]] = read_device("sonar_3d")
         first = {name: rule["first"] for name, rule in self._rules.items()}
         self._kept: dict[str, Any] = self.facts.memory.setdefault("settings", first)
-        self._built: tuple[Any, ...] = ()
-        self._imager: Any = None
         self._sequence = self._batches = 0
         self._inertial: list[ImuSample] = []
         self._offset_ns = 0  # of its clock, which a client may set
@@ -106,14 +104,11 @@ class Sonar3D(Instrument):
             return
         # The device converts times with the speed that it was given.
         scale = speed / self.facts.sound_speed(self.facts.mounting.depth(state))
-        wanted = across, frequency, reach["min"] / scale, reach["max"] / scale
-        if wanted != self._built:
-            model = RangeImageModel(
-                field_across=across * pi / 180.0, field_down=_HEIGHT_DEG * pi / 180.0, frequency=frequency,
-                min_range=wanted[2], max_range=wanted[3],
-            )  # fmt: skip
-            self._imager, self._built = self.scene.build(model, sensor=RangeImager), wanted
-        sample = self.scene.measure(self._imager, now_ns)
+        model = RangeImageModel(
+            field_across=across * pi / 180.0, field_down=_HEIGHT_DEG * pi / 180.0, frequency=frequency,
+            min_range=reach["min"] / scale, max_range=reach["max"] / scale,
+        )  # fmt: skip
+        sample = self.scene.measure(self.tuned(model, sensor=RangeImager), now_ns)
         if not isinstance(sample, RangeImageSample):
             return
         import numpy as np

@@ -56,15 +56,13 @@ class Ping360(PingDevice):
         """Set its state at power on."""
         super().prepare()
         self.values |= {"device_type": 2, "version_minor": 1}
-        self._sensor: Any = None
-        self._keys: tuple[Any, ...] = ()
         self._steps: Iterator[int]  # of the command that is executed, for the client `_owner`
         self._owner: Client | None = None
         self._ready_ns = 0
 
     def start(self, now_ns: int) -> None:
         """Load the world, which takes longer than a client waits for a ping."""
-        self._tune()
+        self._sonar()
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Answer requests and discovery, and execute commands; not while it restarts."""
@@ -130,21 +128,20 @@ class Ping360(PingDevice):
                 way = way if 0 <= at + way * step <= sector else -way
                 angle = (start + min(max(at + way * step, 0), sector)) % _TURN
 
-    def _tune(self) -> None:
-        """Build the simulated sensor for the settings, if they are others than before."""
-        gain, duration, period, frequency, samples = keys = tuple(self.values[name] for name in _SOUND)
-        if keys != self._keys:
-            model, reach = self.facts.model, 0.5 * _SPEED * _TICK * period * samples
-            model = model._replace(
-                bins=samples, min_range=0.0, max_range=reach, sound_speed=_SPEED, frequency=1e3 * frequency,
-                pulse_length=1e-6 * duration, gain=model.gain + _GAINS[gain], ringing=min(model.ringing, 0.5 * reach),
-                ground_truth=False,
-            )  # fmt: skip
-            self._sensor, self._keys = self.scene.build(model, sensor=ScanningSonar), keys
+    def _sonar(self) -> Any:
+        """Return the simulated sensor for the settings."""
+        gain, duration, period, frequency, samples = [self.values[name] for name in _SOUND]
+        model, reach = self.facts.model, 0.5 * _SPEED * _TICK * period * samples
+        model = model._replace(
+            bins=samples, min_range=0.0, max_range=reach, sound_speed=_SPEED, frequency=1e3 * frequency,
+            pulse_length=1e-6 * duration, gain=model.gain + _GAINS[gain], ringing=min(model.ringing, 0.5 * reach),
+            ground_truth=False,
+        )  # fmt: skip
+        return self.tuned(model, sensor=ScanningSonar)
 
     def _measure(self, now_ns: int) -> bytes:
         """Return the echoes of a ping."""
-        self._tune()
-        self._sensor.aim((self.values["angle"] - self.settings.ahead) * 2.0 * pi / _TURN)
-        sample = self.scene.measure(self._sensor, now_ns)
+        sonar = self._sonar()
+        sonar.aim((self.values["angle"] - self.settings.ahead) * 2.0 * pi / _TURN)
+        sample = self.scene.measure(sonar, now_ns)
         return sample.echoes.intensities if isinstance(sample, EchoSample) else bytes(self.values["number_of_samples"])

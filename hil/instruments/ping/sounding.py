@@ -52,8 +52,6 @@ class EchoSounder(PingDevice):
         # The beam of a scanning sonar is about x. Its bearing around z does not matter: the beam is round.
         turned = multiply(self.facts.mounting.quaternion, from_euler(0.0, -0.5 * pi, 0.0))
         self._mounting = self.facts.mounting._replace(orientation=to_euler(turned))
-        self._window: Window | None = None
-        self._sensor: Any = None
         self._sounding: tuple[float, Sounding]
 
     @abstractmethod
@@ -102,11 +100,9 @@ class EchoSounder(PingDevice):
 
     def _measure(self, window: Window, now_ns: int) -> Sounding | None:
         """Return a ping; None while the vehicle's state is not known."""
-        if window != self._window:
-            self._sensor, self._window = self._build(window), window
-        state = self.scene.state(now_ns)
-        self._sensor.aim(0.0)
-        sample = self.scene.measure(self._sensor, now_ns) if state else None
+        state, sonar = self.scene.state(now_ns), self._sonar(window)
+        sonar.aim(0.0)
+        sample = self.scene.measure(sonar, now_ns) if state else None
         if state is None or not isinstance(sample, EchoSample):
             return None
         true, profile = sample.scan.ranges[0], sample.echoes.intensities
@@ -118,7 +114,7 @@ class EchoSounder(PingDevice):
         noise = sorted(profile)[window.points // 2]
         return Sounding(distance, min(100, round(200.0 * max(peak - noise, 0) / 255.0)), profile)
 
-    def _build(self, window: Window) -> Any:
+    def _sonar(self, window: Window) -> Any:
         given = self.facts.model
         # The error of the scale stands for that of the speed of sound, which the device is told here.
         model = ScanningSonarModel(
@@ -127,4 +123,4 @@ class EchoSounder(PingDevice):
             bins=window.points, frequency=self.frequency, sound_speed=window.speed, gain=window.gain, side_lobes=0.0,
             ground_truth=False, slices=3, rays=32,
         )  # fmt: skip
-        return self.scene.build(model, self._mounting, ScanningSonar)
+        return self.tuned(model, self._mounting, ScanningSonar)
