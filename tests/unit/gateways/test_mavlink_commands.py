@@ -45,6 +45,7 @@ def test_a_place_to_go_to_is_checked_before_it_is_a_target(
 ) -> None:
     bench = Bench()
     bench.core.set_home((0.0, 0.0, 0.5))
+    assert int_command(bench, frame, *params) == (result or REJECTED), "disarmed"
     bench.arm(Mode.MANUAL)
     assert int_command(bench, frame, *params) == result
     target = bench.core.pilot.target
@@ -104,6 +105,7 @@ COMMANDS: dict[str, tuple[int, tuple[float, ...], int]] = {  # command, paramete
     "thruster as servo": (183, (8, 1500), FAILED), "relay": (181, (0, 1), ACCEPTED),
     "relay 4": (181, (4, 1), DENIED), "relay of no number": (181, (nan, 1), DENIED),
     "storing": (245, (1,), ACCEPTED), "loading": (245, (0,), ACCEPTED), "resetting": (245, (2,), UNSUPPORTED),
+    "gripper opens": (211, (1, 0), ACCEPTED),
     "land": (21, (), ACCEPTED), "loiter": (17, (), ACCEPTED),
 }  # fmt: skip
 
@@ -119,7 +121,8 @@ def test_a_command_is_accepted_only_with_parameters_that_mean_something(name: st
     changed = {
         "land": core.pilot.mode == Mode.SURFACE, "loiter": core.pilot.mode == Mode.POSHOLD,
         "home here": core.home == (4.0, 0.0, 0.0), "home at a place": core.home[0] == pytest.approx(11.1, abs=0.1),
-        "relay": core.accessories.relays[0], "speed": core.table["WPNAV_SPEED"] == 0.5,
+        "relay": core.accessories.relays[0], "gripper opens": core.accessories.pulses[11] == 1900,
+        "speed": core.table["WPNAV_SPEED"] == 0.5,
     }  # fmt: skip
     assert changed.get(name, True)
 
@@ -155,17 +158,16 @@ def test_roll_and_pitch_of_an_attitude_target_are_remarked_on_if_they_are_meant(
         assert bench.partner.texts().count("roll and pitch stay level") == remarks
 
 
-def test_a_restart_gives_centred_accessories_and_mode_manual() -> None:
-    bench = Bench()
+def test_only_a_plain_reboot_of_a_disarmed_vehicle_restarts_it_with_centred_accessories_and_mode_manual() -> None:
+    bench, reboot = Bench(), dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
     bench.core.set_mode(Mode.POSHOLD)
     bench.partner.command(dialect.MAV_CMD_DO_SET_SERVO, 9, 1900)
     bench.core.flight.current = 5
-    assert bench.partner.command(dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
-    assert (bench.core.pilot.mode, bench.core.accessories.pulses[9], bench.core.flight.current) == (
-        Mode.MANUAL,
-        1100,
-        1,
-    )
+    assert [bench.partner.command(reboot, number) for number in (0, 2, 1)] == [UNSUPPORTED, UNSUPPORTED, ACCEPTED]
+    core = bench.core
+    assert (core.pilot.mode, core.accessories.pulses[9], core.flight.current) == (Mode.MANUAL, 1100, 1)
+    bench.arm()
+    assert bench.partner.command(reboot, 1) == DENIED
 
 
 # --- sticks
@@ -302,6 +304,15 @@ def test_urgent_commands_are_sent_at_once_and_others_twenty_times_a_second() -> 
     assert len(bench.vehicle.commands) - before == pytest.approx(40, abs=8)
     bench.run(1.0, bench.partner.sticks)
     assert len(bench.vehicle.commands) - before == pytest.approx(90, abs=8)
+    target = dialect.MAVLink_set_position_target_local_ned_message(0, 1, 1, 1, 0b110111111000, *[1.0] * 11)
+    channels = dialect.MAVLink_rc_channels_override_message(1, 1, *[1500] * 18)
+    for message in (dialect.MAVLink_set_mode_message(1, 1, Mode.GUIDED), target, channels, None):
+        before = len(bench.vehicle.commands)
+        while len(bench.vehicle.commands) == before:
+            bench.run(0.02)
+        bench.partner.send(message) if message else bench.core.disarm()
+        bench.run(0.02)
+        assert len(bench.vehicle.commands) == before + 2, message
 
 
 def test_the_turns_of_the_tether_are_counted_in_quarters() -> None:

@@ -56,6 +56,7 @@ NEXT = (99.0, 0.0, 3.0)
     [
         (row(GO), 6.9, 0.0, False), (row(GO), 7.1, 0.0, True),  # within WPNAV_RADIUS
         (row(GO, 0.0, 5.0), 4.1, 0.0, True), (row(GO, 0.0, 5.0), 3.9, 0.0, False),  # within its own radius
+        (row(GO, 0.0, 0.5), 8.4, 0.0, False), (row(GO, 0.0, 0.5), 8.6, 0.0, True),
         (row(GO, 0.0, -1.0), 6.9, 0.0, False), (row(GO, 0.0, -1.0), 7.1, 0.0, True),
         (row(GO, 0.0, nan), 7.1, 0.0, True),
         (row(GO, 0.0, 500.0), -90.0, 0.0, True), (row(GO, 0.0, 500.0), -92.0, 0.0, False),  # 100 m at most
@@ -268,6 +269,9 @@ def test_an_upload_ends_after_its_attempts_and_each_item_gives_it_all_of_them_ag
     assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
     bench.run(patience_s)
     assert bench.partner.take_messages("MISSION_ACK") == [], "it has ended"
+    bench.partner.send(count_of(3))
+    bench.dispatcher.peers.clear()
+    bench.run(0.5)  # nobody is there to ask
 
 
 @pytest.mark.parametrize(
@@ -308,3 +312,8 @@ def test_the_mission_starts_at_the_item_that_the_command_names_or_goes_on() -> N
     found = [(bench.partner.command(start, first), bench.core.flight.current) for first in (4.0, 2.0, 0.0, nan, -1.0)]
     assert found == [(dialect.MAV_RESULT_DENIED, 1), *[(dialect.MAV_RESULT_ACCEPTED, 2)] * 4]
     assert bench.core.pilot.mode == Mode.AUTO
+    for index, current in ((3, [3]), (4, [])):
+        bench.partner.take_messages("MISSION_CURRENT")
+        bench.partner.send(dialect.MAVLink_mission_set_current_message(1, 1, index))
+        assert [message.seq for message in bench.partner.take_messages("MISSION_CURRENT")] == current
+    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, 2) == dialect.MAV_RESULT_ACCEPTED

@@ -49,9 +49,12 @@ def test_two_who_arm_while_the_slave_refuses_are_both_answered_in_time() -> None
 
 def test_an_absent_vehicle_cannot_be_armed_and_a_lost_one_is_disarmed() -> None:
     bench = Bench()
+    bench.core.set_mode(Mode.GUIDED)
     bench.vehicle.is_present = False
     bench.run(0.1)
-    assert bench.partner.command(ARM, 1) == REJECTED
+    for command in (ARM, dialect.MAV_CMD_DO_SET_HOME, dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_CMD_CONDITION_YAW):
+        assert bench.partner.command(command, 1, 1) == REJECTED
+    bench.partner.send(dialect.MAVLink_set_position_target_local_ned_message(0, 1, 1, 1, 0b110111111000, *[1.0] * 11))
     modes = [(mode, bench.partner.command(MODE, 1, mode)) for mode in Mode]
     assert [mode for mode, result in modes if result == ACCEPTED] == [Mode.STABILIZE, Mode.MANUAL]
     bench.vehicle.is_present = True
@@ -86,6 +89,11 @@ def test_a_second_arming_changes_nothing_and_a_new_one_forgets_what_was_before()
     assert bench.partner.command(ARM, 1) == ACCEPTED
     bench.run(1.0)
     assert bench.vehicle.north == pytest.approx(there, abs=0.2), "it holds where it is"
+    bench.core.disarm()
+    bench.vehicle.north = 99.0
+    bench.core.pilot.arm()
+    bench.run(1.0)
+    assert bench.vehicle.north == pytest.approx(99.0, abs=0.2), "and not where it was armed before"
 
 
 @pytest.mark.parametrize(("again_s", "armed"), [(0.4, True), (0.6, False)])
@@ -129,8 +137,9 @@ def test_a_mode_begins_without_the_target_and_the_holds_of_the_one_before() -> N
     assert bench.vehicle.depth == pytest.approx(6.0, abs=0.2), "it holds the depth of now"
     bench.core.set_mode(Mode.SURFACE)
     begun = bench.vehicle.heading
-    bench.vehicle.heading += 0.3
+    bench.vehicle.heading, bench.vehicle.depth = begun + 0.3, 0.5
     bench.run(3.0)
+    assert bench.vehicle.depth == pytest.approx(-bench.table["SURFACE_DEPTH"], abs=0.05)
     assert bench.vehicle.heading == pytest.approx(begun, abs=0.1), "the heading is that at the change of the mode"
 
 
@@ -182,23 +191,6 @@ def test_a_velocity_target_holds_what_it_does_not_move(
     assert isinstance(found, VelocityCommand)
     assert [value or 0.0 for value in found] == pytest.approx([value or 0.0 for value in expected])
     assert (found.depth is None, found.heading is None) == (expected.depth is None, expected.heading is None)
-
-
-def test_a_depth_is_held_after_a_target_moved_it_and_a_heading_after_a_turn() -> None:
-    bench = Bench()
-    bench.arm(Mode.GUIDED)
-    pilot = bench.core.pilot
-
-    def fly(velocity: Any, yaw_rate: float) -> VelocityCommand:
-        pilot.set_target(Target(None, velocity, None, yaw_rate), bench.now)
-        bench.run(1.0)
-        command = bench.vehicle.commands[-1]
-        assert isinstance(command, VelocityCommand)
-        return command
-
-    fly((0.0, 0.0, 0.5), 0.3)
-    held = fly((0.1, 0.0, 0.0), 0.0)
-    assert (held.depth, held.heading) == pytest.approx((bench.vehicle.depth, bench.vehicle.heading), abs=0.02)
 
 
 @pytest.mark.parametrize(
@@ -356,7 +348,7 @@ def test_home_is_where_it_was_first_seen_and_the_origin_is_set_once() -> None:
 @pytest.mark.parametrize(
     ("mask", "frame", "alt", "expected"),
     [
-        (0b110111111000, dialect.MAV_FRAME_GLOBAL, -4.0, (0.0, 0.0, 104.0)),
+        (0b100111111000, dialect.MAV_FRAME_GLOBAL, -4.0, (0.0, 0.0, 104.0)),
         (0b110111111000, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, -4.0, (0.0, 0.0, 4.5)),
         (0b110111111011, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, 9.0, (7.0, 8.0, 0.0)),
         (0b110111111100, dialect.MAV_FRAME_GLOBAL, nan, None), (0b110111111000, 1, -4.0, None),
@@ -366,9 +358,9 @@ def test_a_global_target_replaces_what_it_does_not_ignore(
     mask: int, frame: int, alt: float, expected: tuple[float, ...] | None
 ) -> None:
     message = dialect.MAVLink_set_position_target_global_int_message(
-        0, 1, 1, frame, mask, round(45e7), round(10e7), alt, 0, 0, 0, 0, 0, 0, 0, 0
+        0, 1, 1, frame, mask, round(45e7), round(10e7), alt, 0, 0, 0, 0, 0, 0, 0.2, 0
     )
-    state = State(0, (7.0, 8.0, 9.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)
+    state = State(0, (7.0, 8.0, 9.0), (cos(0.5), 0.0, 0.0, sin(0.5)), (0.0,) * 6)
     origin = Origin(45.0, 10.0, 100.0)
     if expected is None:
         with pytest.raises(TargetError):
@@ -376,7 +368,7 @@ def test_a_global_target_replaces_what_it_does_not_ignore(
         return
     found = global_target(message, state, origin, 0.5)
     assert found.position == pytest.approx(expected, abs=1e-6)
-    assert found.is_hold == (mask & 0b11 == 0b11)
+    assert (found.is_hold, found.heading) == (mask & 0b11 == 0b11, None if mask & 1 << 10 else 0.2)
 
 
 @pytest.mark.parametrize(

@@ -1,50 +1,21 @@
 """Modes of the MAVLink vehicle: what each commands, what it holds, and what stops it."""
 
 from math import pi
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.gateways.mavlink.flight.modes import Mode, base_mode
-from hil.gateways.mavlink.flight.targets import local_target
+from hil.gateways.mavlink.flight.targets import Target, local_target
 from hil.gateways.mavlink.snapshot import NEUTRAL
+from hil.ros.commands import PoseCommand
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
 
 ACCEPTED = dialect.MAV_RESULT_ACCEPTED
 ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
 POSITION_ONLY, VELOCITY_ONLY = 0b110111111000, 0b110111000111
-
-
-def test_stale_stick_messages_are_ignored() -> None:
-    bench = Bench()
-    bench.arm()
-    bench.dispatcher.stale = True
-    bench.run(0.5, lambda: bench.partner.sticks(x=1000))
-    assert bench.vehicle.commands[-1] == NEUTRAL
-    assert bench.core.pilot.joystick.stale == 25
-
-
-def test_depth_hold_holds_the_depth_at_stick_release() -> None:
-    bench = Bench()
-    bench.arm(Mode.ALT_HOLD)
-    bench.run(2.0, lambda: bench.partner.sticks(z=0))
-    dived = bench.vehicle.depth
-    assert dived > 2.4
-    bench.run(3.0, bench.partner.sticks)
-    assert abs(bench.vehicle.depth - dived) < 0.2
-    held = bench.vehicle.commands[-1]
-    assert isinstance(held, VelocityCommand)
-    assert held.depth == pytest.approx(bench.vehicle.depth, abs=0.01)
-
-
-def test_position_hold_returns_after_a_disturbance() -> None:
-    bench = Bench()
-    bench.arm(Mode.POSHOLD)
-    bench.run(0.5, bench.partner.sticks)
-    bench.vehicle.north += 2.0
-    bench.run(15.0, bench.partner.sticks)
-    assert abs(bench.vehicle.north) < 0.05
 
 
 def test_a_velocity_target_expires() -> None:
@@ -62,12 +33,38 @@ def test_a_velocity_target_expires() -> None:
     assert "timed out" in bench.partner.texts()
 
 
-def test_surface_mode_rises() -> None:
+def test_the_pose_is_held_at_the_place_of_a_target_unless_the_vehicle_steers_by_fins() -> None:
     bench = Bench()
-    bench.vehicle.depth = 5.0
-    bench.arm(Mode.SURFACE)
-    bench.run(15.0)
-    assert bench.vehicle.depth == pytest.approx(-bench.table["SURFACE_DEPTH"], abs=0.05)
+    bench.table.set("HIL_DEPTH_MAX", 2.0)
+    bench.arm(Mode.GUIDED)
+    bench.vehicle.heading = 0.5
+    for east, heading, fins, expected in (
+        (0.29, None, 0, 0.5),
+        (0.29, 1.0, 0, 1.0),
+        (0.31, 1.0, 0, 0),
+        (0.2, 1.0, 1, 0),
+    ):
+        bench.table.set("HIL_STEER", fins)
+        bench.core.pilot.set_target(Target((0.0, east, 2.05), None, heading), bench.now)
+        found = bench.core.pilot.step(bench.vehicle.snapshot(), bench.now)
+        assert found == PoseCommand((0.0, east, 2.0), expected) if expected else isinstance(found, VelocityCommand)
+
+
+def test_a_depth_is_held_after_a_target_moved_it_and_a_heading_after_a_turn() -> None:
+    bench = Bench()
+    bench.arm(Mode.GUIDED)
+    pilot = bench.core.pilot
+
+    def fly(velocity: Any, yaw_rate: float) -> VelocityCommand:
+        pilot.set_target(Target(None, velocity, None, yaw_rate), bench.now)
+        bench.run(1.0)
+        command = bench.vehicle.commands[-1]
+        assert isinstance(command, VelocityCommand)
+        return command
+
+    fly((0.0, 0.0, 0.5), 0.3)
+    held = fly((0.1, 0.0, 0.0), 0.0)
+    assert (held.depth, held.heading) == pytest.approx((bench.vehicle.depth, bench.vehicle.heading), abs=0.02)
 
 
 def test_delayed_arming_is_acknowledged_once_the_slave_accepts() -> None:
@@ -102,13 +99,6 @@ def test_disarming_sends_neutral_and_then_nothing() -> None:
     assert bench.partner.command(ARM, 0, 21196) == ACCEPTED
 
 
-def test_without_a_ground_station_there_is_no_failsafe() -> None:
-    bench = Bench()
-    bench.arm()
-    bench.run(10.0)
-    assert bench.core.pilot.armed
-
-
 def test_flags_of_the_heartbeat_are_those_of_a_real_ardusub() -> None:
     recorded = {0: 209, 2: 209, 3: 217, 4: 217, 9: 209, 16: 217, 19: 209}
     assert {int(mode): base_mode(mode, True) for mode in Mode} == recorded
@@ -119,7 +109,8 @@ def test_local_targets_are_read_in_their_frames() -> None:
     vehicle = PointVehicle()
     vehicle.heading, vehicle.north = pi / 2, 10.0
     message = dialect.MAVLink_set_position_target_local_ned_message
-    body = local_target(message(0, 1, 1, 9, POSITION_ONLY, 2.0, 0, -1.0, 0, 0, 0, 0, 0, 0, 0, 0), vehicle.state)
-    assert body.position == pytest.approx((10.0, 2.0, 1.0))
+    mask = POSITION_ONLY & ~(1 << 10)
+    body = local_target(message(0, 1, 1, 9, mask, 2.0, 0, -1.0, 0, 0, 0, 0, 0, 0, 0.2, 0), vehicle.state)
+    assert (*(body.position or ()), body.heading) == pytest.approx((10.0, 2.0, 1.0, pi / 2 + 0.2))
     world = local_target(message(0, 1, 1, 1, VELOCITY_ONLY, 0, 0, 0, 0.3, 0, 0, 0, 0, 0, 0, 0), vehicle.state)
     assert world.velocity == pytest.approx((0.0, -0.3, 0.0))

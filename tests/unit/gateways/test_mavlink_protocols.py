@@ -1,6 +1,5 @@
 """Parameters, missions, files, logs, streams and rights of the MAVLink vehicle, packet by packet."""
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,6 @@ from hil.common import __version__
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols import ftp
-from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
-from hil.ros.joints import MotorState
-from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 from tests.support.clients.qgroundcontrol import unpack
@@ -80,6 +76,11 @@ def test_parameters_are_saved_and_a_broken_file_is_reported(tmp_path: Path) -> N
     Path(path).write_text('WPNAV_RADIUS = 300.0\nWPNAV_SPEED = "fast"\nFRAME_CONFIG = 1\n', encoding="utf-8")
     table = ParameterTable(path)
     assert (table["WPNAV_RADIUS"], table["WPNAV_SPEED"], len(table.faults)) == (3.0, 0.5, 2)
+    assert table.set("JS_GAIN_STEPS", 5.0) == ""
+    assert Path(path).read_text() == "JS_GAIN_STEPS = 5.0\nWPNAV_RADIUS = 300.0\n", "what differs from its default"
+    Path(path).write_text("WPNAV_SPEED = 1e9\nWPNAV_RADIUS = -1.0\nJS_GAIN_STEPS = true\nNONE = 1\n")
+    assert len(ParameterTable(path).faults) == 4
+    assert "not stored" in ParameterTable(f"{path}/file").set("WPNAV_RADIUS", 200.0)
     Path(path).write_text("not toml", encoding="utf-8")
     assert "defaults are used" in ParameterTable(path).faults[0]
 
@@ -211,41 +212,13 @@ def test_message_intervals_can_be_set() -> None:
     bench = Bench()
     number = dialect.MAVLINK_MSG_ID_ATTITUDE
     command = bench.partner.command
-    for hertz in (25.0, 5.0):
-        assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / hertz) == ACCEPTED
-        bench.partner.take_messages("ATTITUDE")
-        bench.run(2.0)
-        assert abs(len(bench.partner.take_messages("ATTITUDE")) - 2 * hertz) <= 1
+    assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 200_000) == ACCEPTED
+    bench.run(2.0)
+    assert len(bench.partner.take_messages("ATTITUDE")) == pytest.approx(10, abs=1)
     assert command(dialect.MAV_CMD_GET_MESSAGE_INTERVAL, number) == ACCEPTED
     assert bench.partner.take_messages("MESSAGE_INTERVAL")[0].interval_us == 200_000
-    assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, -1) == ACCEPTED
-    bench.partner.take_messages("ATTITUDE")
-    bench.run(1.0)
-    assert bench.partner.take_messages("ATTITUDE") == []
-    assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 0) == ACCEPTED
-    bench.run(2.0)
-    assert abs(len(bench.partner.take_messages("ATTITUDE")) - 2 * DEFAULT_HZ[number]) <= 1
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, 9999, 1000) == DENIED
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, float("nan")) == DENIED
-
-
-def test_esc_reports_cover_all_thrusters() -> None:
-    bench = Bench()
-    bench.vehicle.battery = BatterySample(0, 15.9, 2.0, 100.0, 50.0, False)
-    bench.run(2.0)
-    first, second = (bench.partner.take_messages(f"ESC_TELEMETRY_{four}") for four in ("1_TO_4", "5_TO_8"))
-    assert [*first[0].voltage, *second[0].voltage] == [1590] * 6 + [0] * 2
-    assert not bench.partner.take_messages("ESC_TELEMETRY_9_TO_12")
-
-
-def test_esc_reports_have_speed_and_current_where_known() -> None:
-    bench = Bench()
-    known, astern = MotorState(1700.0, 200.0, 3.25), MotorState(1400.0, -100.0, 1.5)
-    bench.vehicle.motors = (known, astern, *[MotorState(1500.0, math.nan, math.nan)] * 3)
-    bench.run(2.0)
-    telemetry = bench.partner.take_messages("ESC_TELEMETRY_1_TO_4")[0]
-    assert (list(telemetry.rpm), list(telemetry.current)) == ([1910, 955, 0, 0], [325, 150, 0, 0])
-    assert list(telemetry.voltage) == [0] * 4
 
 
 def test_message_groups_and_single_messages_can_be_requested() -> None:

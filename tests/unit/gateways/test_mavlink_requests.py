@@ -10,54 +10,24 @@ from pymavlink.quaternion import QuaternionBase
 
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.peer import Peer
-from hil.gateways.mavlink.snapshot import Echo
-from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_vehicle import Bench
 
 ACCEPTED, UNSUPPORTED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_UNSUPPORTED
 
-MESSAGES: dict[str, dict[str, Any]] = {  # message -> fields, by MAVLink's units
-    "RAW_IMU": {"xgyro": 100, "zgyro": -200, "zacc": -1000, "xmag": 200, "zmag": 400},
-    "AHRS": {"error_rp": 0.0},
-    "DISTANCE_SENSOR": {"current_distance": 800},
-    "VIBRATION": {"clipping_0": 0},
-    "RC_CHANNELS": {"chancount": 10, "chan1_raw": 1500, "chan8_raw": 1500, "chan9_raw": 1100, "chan11_raw": 0},
-}
 
-
-@pytest.mark.parametrize("name", MESSAGES)
-def test_messages_of_the_sensors_are_sent_when_they_are_requested(name: str) -> None:
+def test_channels_of_accessories_follow_those_of_the_sticks() -> None:
     bench = Bench()
-    bench.vehicle.echo = Echo(8.0, 0.3, 50.0)
-    bench.vehicle.battery = BatterySample(0, 15.0, 2.0, 9.0, 10.0, False)
-    bench.run(0.1)
-    bench.partner.received.clear()
-    number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED
-    (message,) = bench.partner.take_messages(name)
-    values = {field: getattr(message, field) for field in MESSAGES[name]}
-    assert values == pytest.approx(MESSAGES[name], rel=1e-5)
+    assert bench.partner.command(SERVO, 12, 1300) == ACCEPTED
+    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_RC_CHANNELS) == ACCEPTED
+    (found,) = bench.partner.take_messages("RC_CHANNELS")
+    assert [getattr(found, f"chan{n}_raw") for n in range(1, 12)] == [*[1500] * 7, 1300, 1100, 1100, 0]
 
 
 def test_a_slow_line_gets_each_message_once_a_second_at_first() -> None:
     slow, fast = [Peer(1, "", 1, lambda *_: None, True, burst).rates for burst in (300, 4_000)]
-    for name, usual_us in (("ATTITUDE", 100_000), ("RAW_IMU", 250_000)):
+    for name, usual_us in (("ATTITUDE", 100_000), ("RAW_IMU", 250_000), ("HOME_POSITION", 10_000_000)):
         number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-        assert (slow.interval_us(number), fast.interval_us(number)) == (1_000_000, usual_us)
-
-
-def test_what_is_not_measured_is_not_sent() -> None:
-    bench = Bench()
-    for name in ("RANGEFINDER", "DISTANCE_SENSOR", "BATTERY_STATUS"):
-        number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-        assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, number) == UNSUPPORTED
-    bench.run(1.0)
-    (status, *_) = bench.partner.take_messages("SYS_STATUS")
-    assert (status.voltage_battery, status.current_battery, status.battery_remaining) == (0, -1, -1)
-    bench.vehicle.echo = Echo(float("nan"), 0.3, 50.0)  # no echo: beyond the reach, not the last one
-    bench.run(1.0)
-    assert bench.partner.take_messages("RANGEFINDER") == []
-    assert bench.partner.take_messages("DISTANCE_SENSOR")[-1].current_distance == 5001
+        assert (slow.interval_us(number), fast.interval_us(number)) == (max(usual_us, 1_000_000), usual_us)
 
 
 def _override(**channels: int) -> Any:
@@ -282,9 +252,56 @@ def test_cockpit_connects_without_a_remark_and_gets_its_rates() -> None:
     assert bench.partner.texts() == ""
 
 
-def test_only_a_plain_reboot_of_a_disarmed_vehicle_restarts_it() -> None:
+def test_what_asks_nothing_of_this_vehicle_gets_no_answer() -> None:
     bench = Bench()
-    reboot = dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
-    assert [bench.partner.command(reboot, number) for number in (0, 2, 1)] == [UNSUPPORTED, UNSUPPORTED, ACCEPTED]
-    bench.arm(Mode.MANUAL)
-    assert bench.partner.command(reboot, 1) == dialect.MAV_RESULT_DENIED
+    bench.add_partner(239).send(REQUESTS["a distance of a companion"][1])  # of another vehicle
+    for message in (
+        dialect.MAVLink_command_ack_message(1, 0, 0, 0, 1, 1), dialect.MAVLink_log_erase_message(0, 0),
+        dialect.MAVLink_ping_message(1, 2, 1, 1), _command(dialect.MAV_CMD_REQUEST_CAMERA_INFORMATION),
+    ):  # fmt: skip
+        bench.partner.send(message)
+    bench.run(0.1)
+    assert (bench.partner.texts(), bench.partner.take_messages("PING")) == ("", [])
+
+
+def test_a_second_sender_of_sticks_is_told_who_holds_them() -> None:
+    bench = Bench()
+    bench.add_partner(254).sticks()
+    for message in (_override(c5=1900), _buttons()):
+        for stale in (True, False):  # what has waited is ignored
+            bench.dispatcher.stale = stale
+            bench.core._complaints.clear()
+            bench.partner.send(message)
+            bench.run(0.02)
+            assert ("another sender holds the sticks" in bench.partner.texts()) == (not stale)
+
+
+def test_the_old_message_sets_the_mode_and_is_acknowledged_as_both() -> None:
+    bench = Bench()
+    for mode, result in ((Mode.STABILIZE, ACCEPTED), (99, dialect.MAV_RESULT_DENIED)):
+        bench.partner.send(dialect.MAVLink_set_mode_message(1, 1, mode))
+        acks = [(ack.command, ack.result) for ack in bench.partner.take_messages("COMMAND_ACK")]
+        assert acks == [(dialect.MAVLINK_MSG_ID_SET_MODE, result), (dialect.MAV_CMD_DO_SET_MODE, result)]
+        assert bench.core.pilot.mode == Mode.STABILIZE
+
+
+@pytest.mark.parametrize(
+    ("mode", "fields", "result"),
+    [
+        (Mode.GUIDED, {}, dialect.MAV_MISSION_ACCEPTED), (Mode.MANUAL, {}, dialect.MAV_MISSION_DENIED),
+        (Mode.GUIDED, {"command": 20}, dialect.MAV_MISSION_UNSUPPORTED),
+        (Mode.GUIDED, {"x": NAN}, dialect.MAV_MISSION_INVALID),
+        (Mode.GUIDED, {"x": 80.0}, dialect.MAV_MISSION_INVALID_PARAM5_X),
+        (Mode.GUIDED, {"frame": 1}, dialect.MAV_MISSION_ERROR),
+    ],
+)  # fmt: skip
+def test_an_item_to_go_to_is_acknowledged(mode: Mode, fields: dict[str, Any], result: int) -> None:
+    bench, item = Bench(), _item(2, -4.0)
+    bench.arm(mode)
+    for name, value in fields.items():
+        setattr(item, name, value)
+    bench.partner.send(item)
+    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [result]
+    target = bench.core.pilot.target
+    assert (target is None) == (result != 0)
+    assert target is None or target.heading is None, "a yaw of 0 is none"

@@ -8,16 +8,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink.flight.modes import Mode
-from hil.gateways.mavlink.gateway import Gateway
 from hil.gateways.mavlink.messages import TAKEN
 from hil.gateways.mavlink.newer_messages import ProtocolVersion
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import ACK, HEADER, OPEN_READ, FtpServer
 from hil.links.contract import Counters
-from hil.links.endpoints.sockets import SILENT_NS, Address, Link, Received
 from hil.links.mavlink.stream import MavlinkStream
-from hil.scenario.mavlink_records import Mavlink
-from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
+from tests.support.clients.mavlink_vehicle import Bench
 
 COUNT = int(os.environ.get("UUV_HIL_FUZZ", "4000"))  # frames; 1000000 by hand
 
@@ -114,35 +111,3 @@ def test_the_definition_of_a_newer_message_has_the_right_checksum() -> None:
     message.base_fields = lambda: len(fields)
     assert mavparse.message_checksum(message) == ProtocolVersion.crc_extra
     assert ProtocolVersion().pack(dialect.MAVLink(None, 1, 1))[10:-2].hex() == "c8006400c8", "versions 2, from 1 to 2"
-
-
-class _Overloaded(Link):
-    """An endpoint that refuses one more ground station at each receive."""
-
-    name = "udpin:crowd"
-
-    def descriptors(self) -> list[int]:
-        return []
-
-    def receive(self, now: int) -> Received:
-        self.refused += 1
-        return []
-
-    def send(self, address: Address, data: bytes) -> None: ...
-
-    def partners(self) -> list[Address]:
-        return []
-
-    def close(self) -> None: ...
-
-
-def test_refused_ground_stations_are_reported_at_intervals() -> None:
-    lines = list[str]()
-    times = iter(range(0, 4 * SILENT_NS, SILENT_NS // 10))
-    gateway = Gateway(
-        PointVehicle(), Mavlink(), ParameterTable(""), [_Overloaded()], report=lines.append, clock=times.__next__
-    )
-    for _ in range(30):
-        gateway.poll()
-    assert len(lines) == 3
-    assert "udpin:crowd: 16 ground stations are served; 10 packets and calls of others were refused" in lines[1]

@@ -101,6 +101,8 @@ def test_what_is_held_is_where_the_vehicle_comes_to_rest() -> None:
     [
         ((10.0, 0.0, 40.0), None, state(), {}, 0.7, 0.0, (30.0, 0.0)),
         ((0.0, 10.0, -1.0), None, state(), {}, 0.0, 0.3 * 0.7, (0.0, 0.5 * pi)),  # turns first
+        ((10.0, 0.0, 5.0), None, state(0.6), {}, 0.21 * cos(0.6), -0.21 * sin(0.6), (5.0, 0.0)),
+        ((10.0, 0.0, 5.0), None, state(0.4), {}, 0.7 * cos(0.4), -0.7 * sin(0.4), (5.0, 0.0)),
         ((0.0, 10.0, 5.0), None, state(), {"WP_YAW_BEHAVIOR": 0.0}, 0.0, 0.7, (5.0, 0.0)),
         ((0.0, 0.8, 5.0), None, state(), {}, 0.0, 0.4, (5.0, 0.0)),  # near: as it is
         ((10.0, 0.0, 5.0), 0.4, state(), {}, 0.7 * cos(0.4), None, (5.0, 0.4)),
@@ -280,6 +282,7 @@ def test_a_motor_test_has_the_range_of_the_pulses(kind: int, throttle: float, sh
     order = dialect.MOTOR_TEST_ORDER_BOARD
     result = bench.partner.command(dialect.MAV_CMD_DO_MOTOR_TEST, 2, kind, throttle, 1, 0, order)
     assert result == (dialect.MAV_RESULT_FAILED if share is None else dialect.MAV_RESULT_ACCEPTED)
+    assert bench.partner.command(dialect.MAV_CMD_DO_MOTOR_TEST, 2, kind, 0.0) == dialect.MAV_RESULT_FAILED, "order"
     if share is not None:
         bench.run(0.1)
         assert bench.vehicle.commands[-1] == (2, share * bench.table["HIL_THRUST"])

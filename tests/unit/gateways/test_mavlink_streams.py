@@ -36,13 +36,6 @@ def test_a_group_has_one_rate(group: int, rate: int, start: bool, hud_us: int, a
     assert rates.interval_us(ALTITUDE) == -1
 
 
-def test_a_slow_line_begins_with_slower_messages() -> None:
-    rates = StreamRates(2.0)
-    assert [rates.interval_us(number_of(name)) for name in ("ATTITUDE", "HEARTBEAT", "HOME_POSITION")] == [
-        500_000, 1_000_000, 10_000_000,
-    ]  # fmt: skip
-
-
 def test_a_message_that_is_late_is_sent_once_and_one_that_is_set_again_at_once() -> None:
     rates = StreamRates()
     for name in STREAMS:

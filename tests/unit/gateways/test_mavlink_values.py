@@ -17,7 +17,7 @@ from sim.sensors.extra_samples import BatterySample, FixSample
 from sim.sensors.samples import ImuSample
 
 NU = (1.0, -0.5, 0.25, 0.01, 0.02, 0.03)
-ATTITUDE = from_euler(0.1, -0.2, 1.2)
+ATTITUDE, LEVEL = from_euler(0.1, -0.2, 1.2), (1.0, 0.0, 0.0, 0.0)
 NORTH, EAST, DOWN = rotate(ATTITUDE, NU[:3])
 BATTERY = BatterySample(0, 14.8, 2.5, 2.5, 10.0, False)
 FIX = FixSample(0, 45.1234567, -10.7654321, 12.3, (0.25, 0.04), True)
@@ -173,6 +173,7 @@ def test_each_field_has_its_value(name: str, fields: dict[str, Any]) -> None:
 BARE = Snapshot(VEHICLE.state)
 HERE_NED = VEHICLE.state.position
 ALMOST_NORTH = State(0, HERE_NED, from_euler(0.0, 0.0, -1e-6), (1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+FAST = State(0, (0.0, 1e6, 5.0), LEVEL, (400.0, -400.0, 0.0, 0.0, 0.0, 0.0))
 NOWHERE = AROUND._replace(origin=None, plane=None, target=None, ready=False)
 
 
@@ -182,7 +183,7 @@ NOWHERE = AROUND._replace(origin=None, plane=None, target=None, ready=False)
         ("GLOBAL_POSITION_INT", {"lat": 0, "lon": 0, "alt": -5000}),
         ("EKF_STATUS_REPORT", {"flags": RELATIVE}),
         ("NAV_CONTROLLER_OUTPUT", {"nav_bearing": 0, "wp_dist": 0, "alt_error": 0.0}),
-        ("VFR_HUD", {"throttle": 0}),
+        ("VFR_HUD", {"throttle": 0}), ("SERVO_OUTPUT_RAW", {"servo1_raw": 0}),
         ("ALTITUDE", {"bottom_clearance": nan}),
         ("POWER_STATUS", {"flags": 0}),
         ("GPS_RAW_INT", dict.fromkeys(("fix_type", "lat", "lon", "alt", "satellites_visible"), 0)
@@ -207,6 +208,7 @@ def test_what_a_bare_vehicle_lacks_is_marked(name: str, fields: dict[str, Any]) 
 )  # fmt: skip
 def test_a_message_without_contents_is_not_sent(name: str) -> None:
     assert not message(name, BARE, NOWHERE)
+    assert not message("RANGEFINDER", VEHICLE._replace(echo=Echo(inf, 0.3, 50.0)))
 
 
 @pytest.mark.parametrize(
@@ -230,6 +232,14 @@ def test_a_message_without_contents_is_not_sent(name: str) -> None:
             {"onboard_control_sensors_health": HEALTHY & ~dialect.MAV_SYS_STATUS_SENSOR_BATTERY
              & ~dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS, "load": 1000},
         ),
+        *[(name, {"battery": BATTERY._replace(current=999.0, voltage=99.0)}, {"current_battery": 32_767})
+          for name in ("SYS_STATUS", "BATTERY_STATUS")],
+        ("SYS_STATUS", {"battery": BATTERY._replace(voltage=99.0)}, {"voltage_battery": 0xFFFE}),
+        ("GLOBAL_POSITION_INT", {"state": FAST}, {"vx": 32_767, "vy": -32_767, "vz": 0}),
+        ("NAV_CONTROLLER_OUTPUT", {"state": FAST}, {"wp_dist": 0xFFFF, "target_bearing": 270}),
+        ("RAW_IMU", {"imu": ImuSample(0, ATTITUDE, (99.0, -99.0, nan), (0.0,) * 3)},
+         {"xgyro": 32_767, "ygyro": -32_767, "zgyro": 0}),
+        ("DISTANCE_SENSOR", {"echo": Echo(700.0, 0.3, 50.0)}, {"current_distance": 0xFFFF}),
         ("GPS_RAW_INT", {"fix": FIX._replace(fix=False)}, {"fix_type": 1, "lat": 0, "h_acc": 0}),
         ("VFR_HUD", {"pulses": (1500, 2100)}, {"throttle": 100}), ("VFR_HUD", {"pulses": (0, 1499)}, {"throttle": 0}),
         ("GPS_RAW_INT", {"state": State(0, HERE_NED, ATTITUDE, (900.0, *NU[1:]))}, {"vel": 0xFFFE}),
@@ -249,9 +259,9 @@ def test_values_of_the_panel_are_named() -> None:
 
 @pytest.mark.parametrize(("battery", "volts"), [(BATTERY, 1480), (None, 0)])
 def test_currents_of_motors_have_no_sign(battery: BatterySample | None, volts: int) -> None:
-    motors = (MotorState(1300, -100.0, -2.0),)
-    (found,) = message("ESC_TELEMETRY_1_TO_4", VEHICLE._replace(battery=battery, motors=motors))
-    check(found, {"rpm": [955, 0, 0, 0], "voltage": [volts, 0, 0, 0], "current": [200, 0, 0, 0], "count": [0] * 4,
+    motors = (MotorState(1300, -100.0, -2.0), *[MotorState(1500, nan, nan)] * 4)
+    found, _ = message("ESC_TELEMETRY_1_TO_4", VEHICLE._replace(battery=battery, motors=motors))
+    check(found, {"rpm": [955, 0, 0, 0], "voltage": [volts] * 4, "current": [200, 0, 0, 0], "count": [0] * 4,
                   "temperature": [0] * 4, "totalcurrent": [0] * 4})  # fmt: skip
 
 

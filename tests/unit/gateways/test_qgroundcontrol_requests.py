@@ -89,6 +89,7 @@ def test_frame_motors_and_system_id_follow_from_the_scenario(tmp_path: Path) -> 
     scenario = load_scenario("ardusub")
     assert defaults_of(scenario)["FRAME_CONFIG"] == 2.0, "vectored 6DOF, eight thrusters"
     assert len(motors_of(scenario)) == 8
+    assert (defaults_of(None), motors_of(None), assembly.origin_of(None)) == ({}, [], None)
     own = tmp_path / "own.toml"
     installed = Path(preset_folder("sim/vehicles"), "bluerov2_heavy_t200.toml").read_text(encoding="utf-8")
     own.write_text(installed.replace("# battery", "battery"), encoding="utf-8")
