@@ -29,7 +29,6 @@ class InProcessDriver(ThrusterDriver):
         super()._attach(ends)
         assert ends.device is not None
         self.device = ends.device
-        self.pwm_us = tuple(self.device.pwm_us)
         self._received_ns = 0
 
     def _due_ns(self) -> int:

@@ -7,7 +7,7 @@ import pytest
 from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
 from hil.common.clock import NS_PER_MS
 from hil.common.schema import parse
-from hil.slave.pilot import Pilot
+from hil.slave.pilot import Pilot, _drags
 from hil.slave.setpoints import Setpoint, ThrustSetpoint, WrenchSetpoint
 from sim.environment.seawater.pressure import ATMOSPHERE_PA, pressure_at
 from sim.environment.world import load_world
@@ -145,4 +145,5 @@ def test_a_vehicle_stopped_by_a_wall_pushes_no_harder_than_a_current(name: str) 
     for command in [VelocityCommand(surge=0.3)] * 2000 + [VelocityCommand()]:
         wrench = controller.update(command, at_wall, 0.02)
     speed = gains.surge.current
+    assert _drags(load_vehicle("lauv")[0]) == [], "its fins add to it"
     assert wrench[0] == pytest.approx(vehicle.linear_damping[0] * speed + vehicle.quadratic_damping[0] * speed**2)

@@ -57,8 +57,7 @@ def test_an_old_packet_of_an_unknown_message_or_with_a_damaged_byte_is_dropped()
     damaged[7] ^= 1
     assert parser.unpack(bytes(damaged)) == []
     assert (counters.dropped_bytes, counters.checksum_errors) == (8 + len(damaged), 1)
-    assert parser.unpack(b"\xfd\x00\x02") == [], "with flags that there are not"
-    assert counters.dropped_bytes == 8 + len(damaged) + 3
+    assert (parser.unpack(b"\xfd\x00\x02"), counters.dropped_bytes) == ([], 8 + len(damaged) + 3), "unknown flags"
 
 
 def test_a_partner_is_answered_in_the_version_that_it_speaks() -> None:
