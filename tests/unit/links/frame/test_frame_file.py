@@ -76,6 +76,7 @@ def test_a_length_may_count_more_than_the_payload(tmp_path: Path) -> None:
     assert lab.feed(data) == [ThrusterCommand(0, True, (1500, 1600))]
     assert lab.feed(data[:5] + b"\x04" + data[6:]) == [], "shorter than its own header"
     assert lab.counters.dropped_bytes == len(data)
+    assert lab.feed(data[:3] + b"\x63") == [], "of an unknown message, without its length yet"
 
 
 @pytest.mark.parametrize("name", preset_names("firmware_stub/frames"))
