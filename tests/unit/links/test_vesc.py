@@ -217,7 +217,7 @@ def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
         master.send(ThrusterCommand(sequence, True, (1500 + sequence,) * 6))
         run(0.02)
         assert received[-1] == ThrusterTelemetry(sequence, True, False, (1500 + sequence,) * 6, 0, sequence, 0, 0)
-    run(0.5)
+    run(1.0)
     assert received[-1] == ThrusterTelemetry(20, False, True, NEUTRAL, 0, 20, 0, 1)
     assert end.stm32.watchdog_trips == 1
     master.send(ThrusterCommand(21, True, PULSES))
