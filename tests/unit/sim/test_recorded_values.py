@@ -8,7 +8,7 @@ import tempfile
 from array import array
 from collections.abc import Callable, Iterator
 from itertools import product
-from math import cos, nan, sin
+from math import cos, inf, nan, sin
 from pathlib import Path
 from random import Random
 from re import findall
@@ -51,6 +51,7 @@ from sim.sensors.imaging.fan_picture import render_fan
 from sim.sensors.imaging.range_image import RangeImageModel, RangeImager
 from sim.sensors.imaging.samples import SonarImageSample
 from sim.sensors.mounting import Mounting
+from sim.sensors.ranging.beams import RangeErrors
 from sim.sensors.sensor_set import SensorSpec, load_sensor
 from sim.sensors.variances import error_variances
 from sim.simulation import Simulation
@@ -186,7 +187,8 @@ WATER = (
 CHANGES = [  # of the model with the tags of all simulators, which then lacks limits, a volume, a mass, a hull ...
     ("Polynomial>", "_>"), ("libBuoyancyPlugin", "x"), ('<mass value="24"/>', ""), ("gz-sim-hydrodynamics", "x"),
     ("_motor", "_m"), ('type="continuous"', 'type="fixed"'), ("box size", "ball size"), ('izz="1.4"', 'izz="9"'),
-    ("0 1.5 0", "0 0 0"), ("0.1 1.4 0.3", "0 0 0"), *[("</robot>", WATER.format(shape)) for shape in (
+    ("0 1.5 0", "0 0 0"), ("<limit", "<no"), ("0.1 1.4 0.3", "0 0 0"),
+    *[("</robot>", WATER.format(shape)) for shape in (
         "<type>spheroid</type><radius>0.3</radius><length>0.2</length>", "<type>cylinder</type>", "<type>sphere</type>",
         "<type>ellipsoid</type>", "<type>box</type><width>0.2</width>", "<type>cylinder</type><radius>0.02</radius>",
         "<type>cylinder</type><axis>j</axis><radius>0.2</radius>",
@@ -322,6 +324,10 @@ def sensor_errors(folder: Path) -> Iterator[Any]:
         for model in (sensor.Model(), sensor.Model(**errors)):
             found = error_variances({name: SensorSpec(sensor, model)}, world)
             yield [x for row in found.values() for x in row]
+    many = ErrorModel(0.1, 0.2, 0.05, 20.0, 0.03, 0.0, 0.02, 0.001, 9.5, noise_share=0.01, outliers=0.3, outlier=0.5)
+    far = RangeErrors(many, 0.1, Random(2), (0.5, 11.0))
+    for _ in range(9):
+        yield far.measure((0.2, 3.0, 9.0, 10.8, 11.5, inf))
 
 
 def sonar_pictures(folder: Path) -> Iterator[Any]:

@@ -144,20 +144,3 @@ def test_a_dead_band_that_is_left_out_is_noted() -> None:
     for inside in (bessa, gazebo):
         notes = imported(extra_xml=thruster(f"<jointName>t</jointName>{inside}")).notes
         assert notes == ["Left out: the dead band of t; dead_band_us gives one in pulse widths."]
-
-
-def test_a_quadratic_fin_is_converted_to_a_lift_slope() -> None:
-    """The lift of such a fin is constant speed² angle: that is 1/2 rho A slope of ours."""
-    extra_xml = (
-        '<link name="f"/><joint name="fj" type="revolute"><origin xyz="-1 0 0" rpy="0 0 0"/>'
-        '<parent link="hydra/base_link"/><child link="f"/><axis xyz="0 0 1"/><limit lower="-0.5" upper="0.4"/></joint>'
-        '<gazebo><plugin filename="libuuv_fin_ros_plugin.so"><link_name>f</link_name><joint_name>fj</joint_name>'
-        "<dynamics><timeConstant>0.3</timeConstant></dynamics><liftdrag><type>Quadratic</type>"
-        "<lift_constant>26</lift_constant><drag_constant>13</drag_constant></liftdrag></plugin></gazebo>"
-    )
-    (fin,) = imported(extra_xml=extra_xml).vehicle.fins
-    assert 0.5 * 1000.0 * fin.area * fin.polar.lift_slope == pytest.approx(26.0)
-    lift, drag = fin.polar.at(0.1)
-    assert 0.5 * 1000.0 * fin.area * drag == pytest.approx(13.0 * 0.1**2)
-    assert lift == pytest.approx(0.1 * fin.polar.lift_slope)
-    assert (fin.axis, fin.max_deflection, fin.time_constant) == ((0.0, 0.0, -1.0), 0.4, 0.3)
