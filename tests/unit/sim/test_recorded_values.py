@@ -75,7 +75,7 @@ from tests.support.processes import ROOT
 from tests.unit.sim.test_recorded_runs import BAY, SEA, THINGS, figures
 
 RECORD = ROOT / "tests" / "vectors" / "sim_values.json"
-PROFILE = Profile((0.0, 10.0, 40.0, 100.0), (1018.0, 1022.0, 1026.5, 1027.0), (1512.0, 1500.0, 1485.0, 1492.0))
+PROFILE = Profile((2.0, 10.0, 40.0, 100.0), (1018.0, 1022.0, 1026.5, 1027.0), (1512.0, 1500.0, 1485.0, 1492.0))
 EXTENT = (-20.0, 20.0, -15.0, 25.0)
 RELIEFS = (
     Slope(9.0, 0.3, 0.4, 1.0, -2.0, 0.5), Step(9.0, 2.0, 1.2, 1.0, 2.0, 2.0), Ridge(9.0, 3.0, 4.0, -0.7, 2.0, 1.0),
@@ -190,7 +190,7 @@ CHANGES = [  # of the model with the tags of all simulators, which then lacks li
     ("0 1.5 0", "0 0 0"), ("<limit", "<no"), ("0.1 1.4 0.3", "0 0 0"),
     *[("</robot>", WATER.format(shape)) for shape in (
         "<type>spheroid</type><radius>0.3</radius><length>0.2</length>", "<type>cylinder</type>", "<type>sphere</type>",
-        "<type>ellipsoid</type>", "<type>box</type><width>0.2</width>", "<type>cylinder</type><radius>0.02</radius>",
+        "<type>ellipsoid</type>", "<type>box</type><cd>1.2</cd>", "<type>cylinder</type><radius>0.02</radius>",
         "<type>cylinder</type><axis>j</axis><radius>0.2</radius>",
         "<linear_damping_forward_speed>0 0 0 0 0 0</linear_damping_forward_speed>",
     )],

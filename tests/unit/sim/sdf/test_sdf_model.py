@@ -70,14 +70,6 @@ def test_what_a_moving_arm_carries_is_named_as_moving() -> None:
     assert model.vehicle.mass == alone.vehicle.mass + 1.0
 
 
-def test_limits_of_a_speed_controlled_thruster_become_thrusts() -> None:
-    """Thrust is coefficient rho D^4 omega^2."""
-    (propeller,) = imported().vehicle.thrusters
-    assert propeller.max_forward == pytest.approx(0.004 * 1000.0 * 0.2**4 * 100.0**2)
-    assert propeller.max_reverse == pytest.approx(0.004 * 1000.0 * 0.2**4 * 50.0**2)
-    assert propeller.diameter == 0.2
-
-
 def test_hydrodynamic_derivatives_have_our_signs() -> None:
     """Negative values brake there, positive here; y and r change their direction both, y alone does against x."""
     model = imported()

@@ -2,9 +2,11 @@
 
 from math import cos, hypot, isnan, radians
 from statistics import pstdev
+from typing import Any
 
 import pytest
 
+from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.world import World
 from sim.matrices import inverse
@@ -15,6 +17,8 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.odometry import GroundTruth, GroundTruthModel, Odometry, OdometryModel
 from sim.sensors.pressure import Pressure, PressureModel
 from sim.sensors.ranging.dvl import Dvl, DvlModel
+from sim.sensors.sensor_set import read_sensors
+from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.fitted import EXACT, NU, scene
 from tests.support.flights.runge_kutta import RungeKutta
@@ -145,3 +149,30 @@ def test_odometry_has_errors_and_ground_truth_is_exact() -> None:
     assert min(north) < 0.85  # to both sides
     assert max(north) > 1.15
     assert pstdev([sample.nu[0] for sample in samples]) == pytest.approx(0.01, rel=0.05)
+
+
+class Gauge:
+    message = "std_msgs/msg/Float64"
+
+    def __init__(self, scale: float) -> None:
+        self._scale = scale
+
+    def begin(self, *scene_mounting_random: Any) -> None:
+        self._values = {"data": self._scale * scene_mounting_random[1].position[2]}
+
+    def sample(self, time_ns: int, state: State) -> dict[str, float] | None:
+        return self._values if time_ns % 20_000_000 else None
+
+
+def test_a_users_own_sensor_gets_its_keys() -> None:
+    section = {"class": f"{__name__}:Gauge", "rate": 100, "scale": 2.0, "position": [0.0, 0.0, 0.5]}
+    simulation = Simulation(load_vehicle("paper_six")[0], SEA, read_sensors({"gauge": section}, "f"))
+    samples: list[Any] = [each for _ in range(13) for each in simulation.step([1500] * 6)]
+    assert [each for each in samples if each[0] == "gauge"] == [
+        ("gauge", (n, {"data": 1.0})) for n in (10**7, 3 * 10**7)
+    ]
+    for wrong in ({**section, "rate": None}, {"sensor": "gauge"}):
+        with pytest.raises(ConfigError, match="f: gauge: "):
+            read_sensors({"gauge": {key: value for key, value in wrong.items() if value is not None}}, "f")
+    simulation.place((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), NU)
+    assert list(simulation.state.nu_dot) == [0.0] * 6

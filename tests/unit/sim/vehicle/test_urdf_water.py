@@ -59,14 +59,6 @@ def test_a_spheroid_has_lambs_added_mass(kind: str) -> None:
     assert vehicle.added_mass[0] == pytest.approx(mass * alpha / (2.0 - alpha))
 
 
-def test_a_box_has_drag_and_no_added_mass() -> None:
-    vehicle = imported("<type>box</type><cd>1.2</cd><length>1</length><width>0.5</width><height>0.2</height>")
-    faces = 0.5 * 0.2, 1.0 * 0.2, 1.0 * 0.5
-    assert vehicle.vehicle.quadratic_damping[:3] == pytest.approx([0.5 * 1.2 * 1028.0 * face for face in faces])
-    assert vehicle.vehicle.added_mass == (0.0,) * 6
-    assert "The box has no added mass, as in uuv_simulator: --add one." in vehicle.notes
-
-
 @pytest.mark.parametrize(
     ("model", "message"),
     [
