@@ -120,9 +120,9 @@ def test_a_command_is_accepted_only_with_parameters_that_mean_something(name: st
     core = bench.core
     changed = {
         "land": core.pilot.mode == Mode.SURFACE, "loiter": core.pilot.mode == Mode.POSHOLD,
-        "home here": core.home == (4.0, 0.0, 0.0), "home at a place": core.home[0] == pytest.approx(11.1, abs=0.1),
-        "relay": core.accessories.relays[0], "gripper opens": core.accessories.pulses[11] == 1900,
-        "speed": core.table["WPNAV_SPEED"] == 0.5,
+        "home here": core.home == (4.0, 0.0, 0.0), "relay": core.accessories.relays[0],
+        "home at a place": core.home == pytest.approx((11.1, 0.0, 0.0), abs=0.1),
+        "gripper opens": core.accessories.pulses[11] == 1900, "speed": core.table["WPNAV_SPEED"] == 0.5,
     }  # fmt: skip
     assert changed.get(name, True)
 

@@ -209,6 +209,11 @@ def test_a_joystick_that_falls_silent_acts_once_as_configured(action: int, armed
         bench.run(0.1, bench.partner.sticks)
         bench.run(4.0)
         assert count_text(bench, "joystick silent") == texts, "and once again the next time"
+    bench.run(0.1, bench.partner.sticks)
+    bench.core.disarm()
+    bench.arm()
+    bench.run(2.0)
+    assert (bench.core.pilot.armed, count_text(bench, "joystick silent")) == (True, 0), "it was let go while disarmed"
 
 
 # --- failsafes

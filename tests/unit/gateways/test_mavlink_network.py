@@ -279,8 +279,7 @@ def test_the_loop_waits_for_what_is_due_and_its_end_stops_the_vehicle(
 
 
 def test_refused_ground_stations_are_reported_at_intervals() -> None:
-    link = wire()
-    _, poll, lines = serve(link)
+    _, poll, lines = serve(link := wire())
     for tenth in range(31):
         link.refused += 1
         poll(tenth * SILENT_NS // 10)

@@ -131,17 +131,8 @@ def test_only_logs_can_be_read(tmp_path: Path) -> None:
     with (tmp_path / "logs" / "large.mcap").open("wb") as large:
         large.truncate(5 << 30)
     assert _ftp(bench, ftp.OPEN_READ, b"/logs/large.mcap\0")[0][3] == b"\xff" * 4, "more than 32 bits name"
-    for path in (
-        b"/logs/../secret\0",
-        b"/secret\0",
-        b"/etcx/run.mcap\0",
-        b"/logs/link\0",
-        b"/logs\0",
-        b"/logs/none\0",
-        b"\xff\xfe\0",
-        b"/etc/passwd\0",
-    ):
-        assert _ftp(bench, ftp.OPEN_READ, path)[0][3] == bytes((ftp.NOT_FOUND,)), path
+    for path in b"/logs/../secret /secret /etcx/run.mcap /logs/link /logs /logs/none \xff\xfe /etc/passwd".split():
+        assert _ftp(bench, ftp.OPEN_READ, path + b"\0")[0][3] == bytes((ftp.NOT_FOUND,)), path
 
 
 def test_a_long_folder_is_listed_in_parts_and_a_file_read_in_pieces_that_fit(tmp_path: Path) -> None:
@@ -270,7 +261,7 @@ def test_an_observer_cannot_change_anything() -> None:
     bench.run(0.2)
     assert bench.core.pilot.target == before
     assert bench.core.pilot.joystick.stale == 0
-    assert "only look" in guest.texts()
+    assert guest.texts().count("may only look") == 1
     assert guest.command(dialect.MAV_CMD_REQUEST_MESSAGE, 30) == ACCEPTED
     guest.send(dialect.MAVLink_param_request_list_message(1, 1))
     bench.run(0.2)

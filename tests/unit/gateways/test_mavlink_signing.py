@@ -55,6 +55,15 @@ def test_damaged_stamps_are_ignored(tmp_path: Path, stored: str) -> None:
     assert peer_with(again, 1).unpack(signed_stream(again.secret).pack(BEAT))
 
 
+@pytest.mark.parametrize(("burst", "counts"), [(100, [5, 10, 12]), (10**6, [12] * 3), (0, [0] * 3)])
+def test_a_list_is_sent_in_the_bursts_of_its_link(burst: int, counts: list[int]) -> None:
+    sent: list[bytes] = []
+    peer = Peer(1, "", 1, lambda data, _: sent.append(data), True, burst)
+    for number, count in enumerate(counts):
+        peer.send_later([BEAT] * 12 if number == 0 else [])
+        assert len(sent) == count
+
+
 def test_two_peers_get_packets_under_links_of_their_own() -> None:
     sent: list[bytes] = []
     signing = SigningKey(given="passphrase")

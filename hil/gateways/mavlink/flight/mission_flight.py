@@ -78,7 +78,6 @@ class MissionFlight:
                 self.status = COMPLETE
                 self.texts.append((6, "mission complete"))
             elif target := self._fly(self._items[self.current], state, now):
-                self._stay = target
                 return target
         if self._stay is None:
             self._stay = Target(state.position, None, state.heading)

@@ -53,7 +53,6 @@ class Pilot:
             self.armed = True
             self._holds.release()
             self.joystick.release()
-            self.target = None
             self._stick_warned = True
 
     def disarm(self) -> None:
