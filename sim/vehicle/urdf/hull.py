@@ -96,8 +96,6 @@ def moved(matrix: Matrix, pose: Pose, of_squares: bool = False) -> Matrix:
     `of_squares` is for a matrix that multiplies the signed squares of the speeds: the result is exact for motion along
     or about one axis at a time.
     """
-    if pose == Pose():
-        return matrix
     turn = transpose(pose.rotation)  # to the link's axes
     lever = product(turn, cross_matrix(pose.position))
     to_link = [[*row, *(-x for x in arm)] for row, arm in zip(turn, lever, strict=True)]

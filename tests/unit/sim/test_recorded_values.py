@@ -175,6 +175,7 @@ def vehicles(folder: Path) -> Iterator[Any]:
         yield axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], 1025.0, 9.81)
         path = folder / f"{name}.urdf"
         path.write_text(urdf_of(vehicle, "a/"))
+        yield numbers(path.read_text())
         yield read_urdf(str(path))[0]
     yield read_urdf(str(ROOT / "tests" / "vectors" / "hydra.urdf"))[0]
     for pulse, volts in product((1100, 1300, 1490, 1520, 1700, 1900), (11.0, 14.8, 20.0)):

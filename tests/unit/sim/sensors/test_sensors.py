@@ -171,7 +171,7 @@ def test_a_users_own_sensor_gets_its_keys() -> None:
     assert [each for each in samples if each[0] == "gauge"] == [
         ("gauge", (n, {"data": 1.0})) for n in (10**7, 3 * 10**7)
     ]
-    for wrong in ({**section, "rate": None}, {"sensor": "gauge"}):
+    for wrong in ({**section, "rate": None}, {"sensor": "gauge"}, {"sensor": "odometry"}):
         with pytest.raises(ConfigError, match="f: gauge: "):
             read_sensors({"gauge": {key: value for key, value in wrong.items() if value is not None}}, "f")
     simulation.place((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), NU)
