@@ -1,6 +1,7 @@
 """`uuv-hil demo`: run slave and master on this machine for one mission, and print the HIL table."""
 
 import argparse
+import errno
 import os
 import select
 import signal
@@ -133,6 +134,25 @@ def _require_extras() -> None:
         )
 
 
+def _try_to_bind(host: str, port: int) -> None:
+    """Raise OSError if `port` is in use at any address of `host`, or if this machine has none of them.
+
+    "localhost" often has an address of IPv6 too, even where the machine has no IPv6.
+    """
+    problems: list[OSError] = []
+    addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    for family, *_, address in addresses:
+        try:
+            with socket.socket(family) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # the last demo's connections do not count
+                probe.bind(address)
+        except OSError as error:
+            problems.append(error)
+    for problem in problems:
+        if problem.errno == errno.EADDRINUSE or len(problems) == len(addresses):
+            raise problem
+
+
 def require_free(endpoint: str, routed: bool = False) -> None:
     """Raise NetworkError unless a slave here can listen at `endpoint`; unless `routed`, on the next port too.
 
@@ -141,10 +161,7 @@ def require_free(endpoint: str, routed: bool = False) -> None:
     _, host, port = split_endpoint(endpoint)
     for number in (port,) if routed else (port, port + 1):
         try:
-            family, *_, address = socket.getaddrinfo(host.strip("[]"), number, type=socket.SOCK_STREAM)[0]
-            with socket.socket(family) as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # the last demo's connections do not count
-                probe.bind(address)
+            _try_to_bind(host.strip("[]"), number)
         except OSError as error:
             raise NetworkError(
                 f"{endpoint} is not free for the demo's slave (port {number}: {error.strerror}), and the demo "

@@ -6,6 +6,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,8 +24,15 @@ def occupied_port(address: str, port: int, family: socket.AddressFamily = socket
 @pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
 @pytest.mark.parametrize("next_one", [0, 1])
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0", "localhost"])
-def test_a_port_in_use_is_refused(address: str, next_one: int, host: str) -> None:
-    port = free_port()
+def test_a_port_in_use_is_refused(address: str, next_one: int, host: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    port, resolve = free_port(), socket.getaddrinfo
+
+    def both(_: str, number: int, **kind: Any) -> list[Any]:
+        """As on many machines, also on some that have no IPv6."""
+        return [*resolve("::1", number, **kind), *resolve("127.0.0.1", number, **kind)]
+
+    if host == "localhost":
+        monkeypatch.setattr(socket, "getaddrinfo", both)
     endpoint = f"tcp/{host}:{port}"
     require_free(endpoint)
     words = rf"{endpoint} is not free .*\(port {port + next_one}: Address already in use\).*--listen tcp/127.0.0.1:\d+"
