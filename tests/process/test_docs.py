@@ -4,6 +4,7 @@ import argparse
 import importlib
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -191,6 +192,7 @@ def parse_only(monkeypatch: pytest.MonkeyPatch) -> None:
     from hil.commands import slave
 
     monkeypatch.setattr(slave, "_parse_plain", lambda arguments: None)
+    monkeypatch.setattr(shutil, "which", lambda program, **_: program)  # nothing needs to be installed here
 
 
 def examples() -> list[tuple[str, str]]:

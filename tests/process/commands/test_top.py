@@ -99,8 +99,9 @@ def test_prometheus_shows_a_real_slave_until_it_ends(tmp_path: Path) -> None:
             assert re.search(r'^uuv_hil_up\{node="uuv1",board="[^"]*"\} 1$', text, re.M)
             assert re.search(r'^uuv_hil_loop_rate_hertz\{node="uuv1",board="[^"]*"\} 400$', text, re.M)
             assert re.search(r"^uuv_hil_pss_bytes\{[^}]*\} [1-9]\d{7}", text, re.M), "some 20 MiB"
-            with pytest.raises(urllib.error.HTTPError, match="404"):
+            with pytest.raises(urllib.error.HTTPError, match="404") as refusal:
                 urllib.request.urlopen(address.replace("metrics", "other"), timeout=60)
+            refusal.value.close()  # it is an open answer
             vehicle.process.kill()
             assert wait_for(lambda: re.search(r"^uuv_hil_up\{[^}]*\} 0$", page(), re.M)), page()
             assert "uuv_hil_cpu_share{" not in page(), "figures of one that is gone would be lies"

@@ -1,6 +1,7 @@
 """A real slave whose instruments stand at pseudo-terminals and ports, read by programs of others, unmodified."""
 
 import json
+import shutil
 import socket
 import time
 from collections.abc import Iterator
@@ -90,6 +91,7 @@ def reports_of_gpsd(port: int) -> Iterator[dict[str, Any]]:
             yield json.loads(line)
 
 
+@pytest.mark.skipif(not shutil.which("gpsd"), reason="gpsd is not installed")
 def test_gpsd_finds_a_u_blox_receiver_and_its_fix(wires: Wires) -> None:
     port = free_port()
     with start_child(["gpsd", "-N", "-n", "-S", str(port), wires.line("gps")]) as daemon:
