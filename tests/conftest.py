@@ -5,6 +5,7 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -32,41 +33,33 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@pytest.fixture(autouse=True)
-def _own_scenario(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Restore the process-wide ROS settings that a test's scenario has loaded."""
-    monkeypatch.setattr(dialect, "_chosen", (dialect.FROM_ENVIRONMENT, "jazzy"))
-    before = dict(topics.TOPICS)
-    yield
-    if len(topics.TOPICS) != len(before):  # a user's own sensor
-        topics.TOPICS.clear()
-        topics.TOPICS.update(before)
+def _scheduling() -> tuple[int, Any] | None:
+    return (os.sched_getscheduler(0), os.sched_getparam(0)) if hasattr(os, "sched_getscheduler") else None
 
 
 @pytest.fixture(autouse=True)
-def _own_scheduling() -> Iterator[None]:
-    """Restore the scheduling: after a loop in this process all later tests would have real-time priority."""
-    if not hasattr(os, "sched_getscheduler"):
-        yield
-        return
-    before = os.sched_getscheduler(0), os.sched_getparam(0)
-    yield
-    if os.sched_getscheduler(0) != before[0]:
-        os.sched_setscheduler(0, *before)
+def _own_process() -> Iterator[None]:
+    """Restore what a test has changed for all later tests of this process: in one fixture, as each takes time.
 
-
-@pytest.fixture(autouse=True)
-def _own_library_threads() -> Iterator[None]:
-    """Remove what a command in this process chose for zenoh's threads: slaves of later tests would inherit it.
-
-    With the single thread of a recorder a slave cannot pass on large messages.
+    These are the ROS settings of a scenario; real-time priority, after a loop in this process; and what a command chose
+    for zenoh's threads: with the single thread of a recorder a slave cannot pass on large messages. A test that records
+    into the repository fails: it has to name a folder of its own.
     """
-    before = os.environ.get("ZENOH_RUNTIME")
+    chosen, dialect._chosen = dialect._chosen, (dialect.FROM_ENVIRONMENT, "jazzy")
+    named, scheduling, threads = dict(topics.TOPICS), _scheduling(), os.environ.get("ZENOH_RUNTIME")
+    had_recordings = DEFAULT_RECORDINGS.exists()
     yield
-    if before is None:
-        os.environ.pop("ZENOH_RUNTIME", None)
+    dialect._chosen = chosen
+    if len(topics.TOPICS) != len(named):  # a user's own sensor
+        topics.TOPICS.clear()
+        topics.TOPICS.update(named)
+    if scheduling and os.sched_getscheduler(0) != scheduling[0]:
+        os.sched_setscheduler(0, *scheduling)
+    if threads is not None:
+        os.environ["ZENOH_RUNTIME"] = threads
     else:
-        os.environ["ZENOH_RUNTIME"] = before
+        os.environ.pop("ZENOH_RUNTIME", None)
+    assert had_recordings or not DEFAULT_RECORDINGS.exists(), f"{DEFAULT_RECORDINGS} was made: give it tmp_path"
 
 
 def pytest_sessionstart() -> None:
@@ -78,14 +71,6 @@ SYSTEM_TESTS = Path(__file__).parent / "system"
 DEFAULT_RECORDINGS = (
     Path(__file__).parent.parent / "recordings"
 )  # where `uuv-hil recording make` and slaves write by default
-
-
-@pytest.fixture(autouse=True)
-def _no_recordings_in_the_repository() -> Iterator[None]:
-    """Fail a test that records into the repository: it has to name a folder of its own."""
-    before = DEFAULT_RECORDINGS.exists()
-    yield
-    assert before or not DEFAULT_RECORDINGS.exists(), f"{DEFAULT_RECORDINGS} was made: give the recording tmp_path"
 
 
 MAX_SECONDS = 300  # for a test, whatever else the machine does: one that takes longer hangs

@@ -53,12 +53,11 @@ class Manoeuvring:
     def turn_radius(self) -> float:
         """Return the radius (m) of the tightest circle, at least half the vehicle's length."""
         self._steer(_YAW)
-        fastest = 2.0 * self.speed / self._length
 
         def circle(rate: float) -> tuple[float, float]:
             return self._balance(lambda sway: self._forces(sway, 0.0, 0.0, rate), _SWAY, _YAW)
 
-        rate = _first_root(lambda rate: circle(rate)[1], fastest)
+        rate = _first_root(lambda rate: circle(rate)[1], 2.0 * self.speed / self._length)
         return hypot(self.speed, circle(rate)[0]) / rate
 
     def slope(self) -> float:
@@ -99,7 +98,7 @@ def _first_root(left: Callable[[float], float], most: float) -> float:
 
 def _bisect(left: Callable[[float], float], low: float, high: float) -> float:
     """Return where `left`, positive at `low`, becomes negative."""
-    for _ in range(_STEPS // 2):
+    for _ in range(_STEPS // 3):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if left(middle) > 0.0 else (low, middle)
     return 0.5 * (low + high)

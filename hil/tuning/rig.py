@@ -38,14 +38,12 @@ class Recorder:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        self.last = self._held = self._added = NO_RESIDUAL
-        self._axis = -1
+        self.last = NO_RESIDUAL
+        self._axis, self._held = -1, 0.0
 
     def add_step(self, axis: int, size: float) -> None:
         """Hold `axis` (0 to 5) at its last output plus `size` (N or N m) from now on, without the controller."""
-        self._axis = axis
-        self._added = tuple([size if number == axis else 0.0 for number in range(6)])  # type: ignore[assignment]
-        self._held = self.last
+        self._axis, self._held = axis, self.last[axis] + size
 
     def reset(self) -> None:
         """Reset the controller."""
@@ -55,13 +53,10 @@ class Recorder:
         self, command: VelocityCommand, navigation: Navigation, dt: float, residual: Wrench = NO_RESIDUAL
     ) -> Wrench:
         """Return the wrench (N, N m) for the next `dt` s."""
-        x, y, z, k, m, n = (
-            held + added if axis == self._axis else requested
-            for axis, (requested, held, added) in enumerate(
-                zip(self._controller.update(command, navigation, dt, residual), self._held, self._added, strict=True)
-            )
-        )
-        self.last = (x, y, z, k, m, n)
+        wrench = list(self._controller.update(command, navigation, dt, residual))
+        if self._axis >= 0:
+            wrench[self._axis] = self._held
+        self.last = tuple(wrench)  # type: ignore[assignment]
         return self.last
 
 

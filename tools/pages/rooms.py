@@ -63,19 +63,21 @@ def room(module: str) -> str:
     return max(candidates, key=len)
 
 
-@cache
-def imports(path: Path) -> set[str]:
-    """Return the dotted names that a file imports, at the top, lazily, and for annotations."""
-    names: set[str] = set()
-    for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
+@cache  # to parse all files takes seconds
+def imports_and_functions(path: Path) -> tuple[set[str], list[tuple[str, int]]]:
+    """Return the dotted names that a file imports, anywhere, and the name and length (lines) of each function."""
+    names, functions = set[str](), list[tuple[str, int]]()
+    for node in _statements(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
+        elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            functions.append((node.name, (node.end_lineno or node.lineno) - node.lineno + 1))
+    return names, functions
 
 
-def statements(tree: ast.Module) -> Iterator[ast.AST]:
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
     """Yield all statements, also nested ones. Expressions are left out: they have no imports, and take most time."""
     waiting: list[ast.AST] = [tree]
     while waiting:
@@ -92,7 +94,7 @@ def graph(packages: tuple[str, ...] = PACKAGES) -> dict[str, set[str]]:
     edges: dict[str, set[str]] = {}
     for module, path in known.items():
         edges[module] = set()
-        for name in imports(path):
+        for name in imports_and_functions(path)[0]:
             while name and name not in known:
                 name = name.rpartition(".")[0]
             if name and name != module:

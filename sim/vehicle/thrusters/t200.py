@@ -7,6 +7,7 @@ data are published below 10 V: there all quantities are assumed to be proportion
 
 import os
 from bisect import bisect_right
+from functools import cache
 from typing import NamedTuple
 
 from hil.common.schema import preset_folder
@@ -26,8 +27,7 @@ class Performance(NamedTuple):
 
 def _read() -> tuple[list[float], list[float], list[list[list[float]]]]:
     """Return voltages, pulses, and thrust, current, rpm as [quantity][pulse][voltage]."""
-    path = os.path.join(preset_folder("sim/data"), "t200.csv")
-    with open(path, encoding="ascii") as file:
+    with open(os.path.join(preset_folder("sim/data"), "t200.csv"), encoding="ascii") as file:
         lines = [line.split(",") for line in file if not line.startswith("#")]
     volts = [0.0] + [float(name.split("V")[0]) for name in lines[0][1::3]]
     numbers = [[float(cell) for cell in line] for line in lines[1:]]
@@ -60,6 +60,10 @@ def performance(pwm_us: int, volts: float) -> Performance:
 
 def pulse_for(thrust: float, volts: float) -> int:
     """Return the pulse in us whose steady thrust at `volts` V is nearest `thrust` N; 1500 for 0."""
-    if thrust == 0.0:
-        return 1500
-    return nearest_pulse(_PULSES, [interpolate(VOLTS, row, volts) for row in _COLUMNS[0]], thrust)
+    return nearest_pulse(_PULSES, _thrusts(volts), thrust) if thrust else 1500
+
+
+@cache
+def _thrusts(volts: float) -> list[float]:
+    """Return the thrust (N) of each pulse of the table; a vehicle's supply has one voltage."""
+    return [interpolate(VOLTS, row, volts) for row in _COLUMNS[0]]

@@ -53,7 +53,7 @@ def test_direction_turn_and_length_agree_with_the_position(name: str) -> None:
 
 @pytest.mark.parametrize("name", CURVES)
 def test_a_trajectory_starts_and_ends_at_rest(name: str) -> None:
-    run, step = Trajectory(CURVES[name], 0.8, WIDE), 0.01
+    run, step = Trajectory(CURVES[name], 0.8, WIDE), 0.02
     times = [step * number for number in range(int(run.duration / step) + 1)]
     points = [run.at(time) for time in times]
     assert points[0].position == pytest.approx(CURVES[name].at(0.0).position)
@@ -118,7 +118,7 @@ def test_a_spline_agrees_with_scipy() -> None:
         knots.append(knots[-1] + math.dist(a, b))
     reference = interpolate.CubicSpline(knots, WAYPOINTS, bc_type="natural")
     curve = Spline(WAYPOINTS)
-    fine = [reference(knots[-1] * number / 20000) for number in range(20001)]
+    fine = reference([knots[-1] * number / 20000 for number in range(20001)]).tolist()
     along = [0.0]
     for a, b in pairwise(fine):
         along.append(along[-1] + math.dist(a, b))

@@ -1,4 +1,4 @@
-"""A million bytes of noise and damaged messages on each reader: nothing raises, and it still answers."""
+"""Much noise and damaged messages on each reader: nothing raises, and it still answers."""
 
 from collections.abc import Callable
 from random import Random
@@ -28,7 +28,7 @@ from tests.support.instrument_bench import WALL_NS, Bench
 from tests.unit.instruments.test_depth import modbus
 from tests.unit.instruments.test_seatrac import command
 
-SIZE = 1_000_000
+SIZE = 300_000
 SAMPLES = {
     "gps": FixSample(WALL_NS, 57.7, 11.9, 40.0, (4.0, 9.0), True),
     "imu": ImuSample(WALL_NS, (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3), (0.0, 0.0, -9.8)),
@@ -59,7 +59,7 @@ READERS: list[tuple[type[Instrument], Any, bytes, Callable[[bytes], bytes]]] = [
 
 
 @pytest.mark.parametrize(("kind", "model", "question", "wrap"), READERS, ids=[row[0].__name__ for row in READERS])
-def test_a_million_bytes_do_no_harm(
+def test_noise_does_no_harm(
     kind: type[Instrument], model: Any, question: bytes, wrap: Callable[[bytes], bytes]
 ) -> None:
     device, random = Bench(kind, model, origin=(57.7, 11.9)), Random(7)
@@ -77,7 +77,7 @@ def test_a_million_bytes_do_no_harm(
         sent += len(piece)
         if random.random() < 0.1:  # whatever it was told, it measures on
             device.sample(SAMPLES[device.facts.topic])
-    assert device.device.malformed > 100
+    assert device.device.malformed > 30
     device.restart()
     device.ask(b"\r\n")
     device.now_ns += 10_000_000_000

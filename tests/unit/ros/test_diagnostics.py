@@ -91,6 +91,7 @@ def test_diagnostics_are_read_through_the_table_only() -> None:
         path.relative_to(ROOT).as_posix()
         for folder in ("hil", "sim", "boards", "tools")
         for path in (ROOT / folder).rglob("*.py")
+        if ".raw" in path.read_text()  # to parse all modules takes seconds
         for node in ast.walk(ast.parse(path.read_text()))
         if (isinstance(node, ast.Subscript) and _ends_in_raw(node.value))
         or (isinstance(node, ast.Attribute) and node.attr == "get" and _ends_in_raw(node.value))

@@ -108,8 +108,8 @@ def test_events_of_the_first_observer_take_precedence() -> None:
 def sliding(**world: Any) -> Simulation:
     """Return a run ahead for 15 s against a pile that the reference vehicle hits off its middle and slides along."""
     place = World("some", "made up", (-20.0, 20.0, -20.0, 20.0), 10.0)._replace(**world)
-    simulation = Simulation(SIX, place, {}, position=(0.0, 0.0, 5.0))
-    for _ in range(15 * 400):
+    simulation = Simulation(SIX, place, {}, position=(0.0, 0.0, 5.0), dt_ns=5_000_000)
+    for _ in range(15 * 200):
         simulation.step((1600, 1600, 1500, 1500, 1500, 1500))
     return simulation
 

@@ -98,11 +98,11 @@ def test_a_run_over_relief_gains_no_energy(rule: Slope, holes: int) -> None:
     world, vehicle = world_of(rule, holes), sinking(VEHICLE, SMOOTH)
     dynamics = RungeKutta(vehicle, world.density, world.gravity)
     contact = Contact(vehicle, world, dynamics.inverse_mass)
-    state = State((1.3, -2.1, 2.0), nu=(0.7, -0.9, 0.0, 0.0, 0.0, 0.0))
+    state = State((2.35, -3.45, 5.5), nu=(0.7, -0.9, 4.7, 0.0, 0.0, 0.0))
     weight_in_water = dynamics.weight - dynamics.hull.full
     first = last = total_energy(dynamics, state)
     touched, gained = 0, 0.0
-    for step in range(1200):
+    for step in range(600):
         before = state.position
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), 0.0025)
         touched += contact.resolve(state)

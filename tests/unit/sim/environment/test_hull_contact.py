@@ -148,7 +148,7 @@ def test_friction_stops_a_slide_on_the_seabed() -> None:
     half = 0.5 * vehicle.dimensions[2]
     simulation = Simulation(vehicle, SEA, {}, position=(0.0, 0.0, 20.0 - half))
     simulation.state.nu = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for _ in range(6000):
+    for _ in range(1600):
         simulation.step((1500,) * 8)
     position = tuple(simulation.state.position)
     excess = (vehicle.mass - vehicle.volume * SEA.density) * SEA.gravity
@@ -180,7 +180,7 @@ def test_tumbling_on_the_seabed_gains_no_energy(restitution: float, friction: fl
     state = State((0.0, 0.0, 19.0), from_euler(*attitude), (0.5, -0.3, 0.2, 0.4, 0.7, -0.2))
     first = last = total_energy(dynamics, state)
     most = gained = 0.0
-    for _ in range(2800):
+    for _ in range(1200):
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), DT)
         contact.resolve(state)
         now = total_energy(dynamics, state)

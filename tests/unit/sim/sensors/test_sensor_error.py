@@ -21,7 +21,7 @@ def series(model: ErrorModel, rate: float, seconds: float, true: float = 0.0) ->
 @pytest.mark.parametrize("rate", RATES)
 def test_a_bias_wanders_equally_fast_at_every_rate(rate: float) -> None:
     """The change over 0.1 s has the variance 2 sd² (1 - exp(-0.1 / tau))."""
-    values = series(ErrorModel(bias=SD, bias_time=TAU), rate, 300.0)[:: round(0.1 * rate)]
+    values = series(ErrorModel(bias=SD, bias_time=TAU), rate, 100.0)[:: round(0.1 * rate)]
     changes = [b - a for a, b in pairwise(values)]
     assert pstdev(changes) == pytest.approx(SD * sqrt(2.0 * (1.0 - exp(-0.1 / TAU))), rel=0.06)
 
