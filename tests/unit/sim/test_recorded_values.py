@@ -279,6 +279,7 @@ def collisions(folder: Path) -> Iterator[Any]:
         (folder / "w.toml").write_text(text)
         worlds.append(load_world(str(folder / "w.toml")))
     spheres = Collision("spheres", ((0.3, 0.0, 0.1, 0.2), (-0.4, 0.1, 0.0, 0.15)), 0.0, 0.0)
+    yield [bool(Collision("spheres", ((0.0, 0.0, 0.0, 0.1),) * count).validate()) for count in (0, 32, 33)]
     for world, keys in product(worlds, (Collision(), Collision("capsule", restitution=0.5), spheres)):
         contact = Contact(vehicle._replace(collision=keys), world, inverse_mass, 0.1)
         random = Random(len(world.name))

@@ -171,8 +171,12 @@ def test_a_users_own_sensor_gets_its_keys() -> None:
     assert [each for each in samples if each[0] == "gauge"] == [
         ("gauge", (n, {"data": 1.0})) for n in (10**7, 3 * 10**7)
     ]
-    for wrong in ({**section, "rate": None}, {"sensor": "gauge"}, {"sensor": "odometry"}):
-        with pytest.raises(ConfigError, match="f: gauge: "):
-            read_sensors({"gauge": {key: value for key, value in wrong.items() if value is not None}}, "f")
+    for name, wrong in (
+        ("gauge", {"class": section["class"]}), ("gauge", {"sensor": "gauge"}), ("gauge", {"sensor": "odometry"}),
+        ("altimeter", {"min_range": 9, "max_range": 9}), ("echosounder", {"min_range": 9, "max_range": 9}),
+        ("dvl_water", {"near": 2, "far": 2}), ("usbl", {"assumed_speed": 1299}), ("imu", {"sensor": "dvl"}),
+    ):  # fmt: skip
+        with pytest.raises(ConfigError, match=f"f: {name}: "):
+            read_sensors({name: wrong}, "f")
     simulation.place((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), NU)
     assert list(simulation.state.nu_dot) == [0.0] * 6

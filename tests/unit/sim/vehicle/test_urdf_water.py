@@ -127,12 +127,3 @@ def test_a_negative_gain_turns_the_thruster_around(inside: str, limits: tuple[fl
     text = clamps + text if "LinearInterp" in text else text
     found = imported(extra_xml=thruster(f"<jointName>t</jointName>{text}")).vehicle.thrusters[-1]
     assert (found.max_forward, found.max_reverse, found.direction[0]) == pytest.approx(limits)
-
-
-def test_a_dead_band_that_is_left_out_is_noted() -> None:
-    bessa = "<conversion><type>Bessa</type><rotorConstantL>1</rotorConstantL><rotorConstantR>1</rotorConstantR>"
-    bessa += "<deltaL>-1</deltaL><deltaR>1</deltaR></conversion><clampMin>-9</clampMin><clampMax>9</clampMax>"
-    gazebo = "<deadband>2</deadband><max_thrust_cmd>9</max_thrust_cmd><min_thrust_cmd>-9</min_thrust_cmd>"
-    for inside in (bessa, gazebo):
-        notes = imported(extra_xml=thruster(f"<jointName>t</jointName>{inside}")).notes
-        assert notes == ["Left out: the dead band of t; dead_band_us gives one in pulse widths."]
