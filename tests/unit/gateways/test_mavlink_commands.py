@@ -195,7 +195,7 @@ SENDER, OTHER = (1, 255, 190), (1, 254, 190)
         (control(x=-50, y=-51), Sticks(y=-0.0255)),
         (control(enabled_extensions=1, s=800, t=800), Sticks(m=0.4)), (control(s=800, t=800), Sticks()),
         (control(enabled_extensions=2, s=800, t=800), Sticks(k=0.4)),
-        (control(enabled_extensions=3, s=800, t=0x7FFF), Sticks(m=0.4)),
+        (control(z=0x7FFF, enabled_extensions=3, s=800, t=0x7FFF), Sticks(m=0.4)),
     ],
 )  # fmt: skip
 def test_sticks_are_scaled_limited_and_centred(packet: Any, sticks: Sticks) -> None:

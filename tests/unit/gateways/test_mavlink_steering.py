@@ -298,11 +298,10 @@ def test_a_calibration_of_compasses_is_reported_for_those_asked_for(asked: float
 
 
 def test_the_last_side_of_an_accelerometer_is_reported_as_done_to_everybody() -> None:
-    _, (done,) = answer(dialect.MAV_CMD_PREFLIGHT_CALIBRATION, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
+    texts, (done,) = answer(dialect.MAV_CMD_PREFLIGHT_CALIBRATION, (-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
     fields = {name: value for name, value in done.to_dict().items() if value and name != "mavpackettype"}
-    assert fields == {
-        "command": dialect.MAV_CMD_ACCELCAL_VEHICLE_POS, "param1": dialect.ACCELCAL_VEHICLE_POS_SUCCESS
-    }  # fmt: skip
+    success = {"command": dialect.MAV_CMD_ACCELCAL_VEHICLE_POS, "param1": dialect.ACCELCAL_VEHICLE_POS_SUCCESS}
+    assert (texts, fields) == (["accelerometer: calibrated"], success)
 
 
 def test_texts_of_the_pilot_and_of_the_mission_are_sent_once() -> None:
