@@ -10,6 +10,7 @@ from hil.links.frame.checksums import CRCS, SUMS, Checksum, crc_checksum
 LONGEST = 400  # bytes of a binary output without a length field
 LARGEST = 2_500  # bytes of a message; a greater size is taken for damaged
 IMAGE = 65_000
+VECTORNAV = b"\xfa"
 LINE = re.compile(rb"[ -~\t]*(\r\n|\n|\r)")
 HEAD = re.compile(rb"HTTP/1\.1 (\d{3}) .*?\r\nContent-Length: (\d{1,8})\r\n(?:.*\r\n)*?\r\n", re.DOTALL)
 STARTED = re.compile(rb"[ -~\t]+\Z")
@@ -72,14 +73,17 @@ PROTOCOLS = (
     Protocol(b"\x7f\x7f", slice(2, 4), 2, SUMS["sum16"], lambda _: "PD0"),
     Protocol(b"\x7d\x00", slice(2, 4), 2, SUMS["sum16"], lambda _: "PD4"),
     Protocol(b"RIP", slice(4, 8), 0, crc_checksum(CRCS["crc32"]), lambda data: data[:4].decode("latin-1"), IMAGE),
-    # Answers of function 3, by device 1 or the one that answers to 250.
-    Protocol(b"\x01\x03", slice(2, 3), 5, _MODBUS, lambda _: "MODBUS 3"),
-    Protocol(b"\xfa\x03", slice(2, 3), 5, _MODBUS, lambda _: "MODBUS 3"),
+    # Answers of function 3 and refusals, by device 1 or the one that answers to 250.
+    *[Protocol(mark, slice(2, 3), 5, _MODBUS, lambda _: "MODBUS 3") for mark in (b"\x01\x03", b"\xfa\x03")],
+    *[Protocol(mark, slice(2, 2), 5, _MODBUS, lambda _: "MODBUS refusal") for mark in (b"\x01\x83", b"\xfa\x83")],
 )
 
 
 def _binary(data: bytes) -> Frame | None:
-    """Return a message of one of `PROTOCOLS`; of a damaged one, whose size may be wrong, one byte."""
+    """Return a message of one of `PROTOCOLS`; of a damaged one, whose size may be wrong, one byte.
+
+    A VectorNav's outputs may begin as messages of MODBUS do, so their checksum tells which they are.
+    """
     protocol = next((each for each in PROTOCOLS if data.startswith(each.mark)), None)
     if protocol is None or len(data) < protocol.size.stop:
         return None
@@ -89,12 +93,14 @@ def _binary(data: bytes) -> Frame | None:
     message, checksum = data[:size], protocol.checksum
     end = size - checksum.size
     is_sound = protocol.size.stop <= end <= protocol.most and checksum.of(message[:end]) == _little(message[end:])
+    if not is_sound and data[:1] == VECTORNAV:
+        return None
     return Frame(protocol.kind(data), message[:24].hex(" "), is_sound, size if is_sound else 1)
 
 
 def _vectornav(data: bytes) -> Frame | None:
     """Return a binary output: its length is in no field, so the first end whose CRC is right."""
-    if data[:1] != b"\xfa":
+    if data[:1] != VECTORNAV:
         return None
     crc = CRC16.empty
     for size in range(2, min(len(data), LONGEST) + 1):
