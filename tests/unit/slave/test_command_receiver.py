@@ -105,8 +105,7 @@ def test_another_master_is_refused_until_the_first_times_out(command_receiver: C
     deliver(command_receiver, 1)
     deliver(command_receiver, 1, gid=OTHER)
     assert (command_receiver.master, command_receiver.refused) == (GID, 1)
-    taken = command_receiver.take_latest()
-    assert taken is not None
+    assert command_receiver.take_latest() is not None
     assert command_receiver.wakeup.is_set(), "the diagnostics name it"
     command_receiver.wakeup.clear()
     command_receiver.remove_sender(GID)
@@ -293,7 +292,8 @@ def test_each_command_is_counted_once(
     names = ("malformed", "stale", "disordered", "superseded", "refused", "flooded")
     found = {name: figures[f"commands_{name}"] for name in names}
     assert found == dict.fromkeys(names, 0) | counted
-    assert (figures.commands_received, figures.thrusters) == (len(commands), 0)
+    shown = figures.commands_received, figures.thrusters, figures.commands_fault
+    assert shown == (len(commands), 0, command_receiver.fault)
 
 
 def test_stale_commands_are_never_executed(command_receiver: CommandReceiver) -> None:
