@@ -356,7 +356,7 @@ def test_home_is_where_it_was_first_seen_and_the_origin_is_set_once() -> None:
         (0b100111111000, dialect.MAV_FRAME_GLOBAL, -4.0, (0.0, 0.0, 104.0)),
         (0b110111111000, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, -4.0, (0.0, 0.0, 4.5)),
         (0b110111111011, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT, 9.0, (7.0, 8.0, 0.0)),
-        (0b110111111100, dialect.MAV_FRAME_GLOBAL, nan, None), (0b110111111000, 1, -4.0, None),
+        (0b110111111100, 0, 5.0, (0.0, 0.0, 9.0)), (0b110111111000, 0, nan, None), (0b110111111000, 1, -4.0, None),
     ],
 )  # fmt: skip
 def test_a_global_target_replaces_what_it_does_not_ignore(

@@ -185,7 +185,7 @@ def test_input_hold_holds_until_the_sticks_were_centred() -> None:
         return bench.vehicle.pushed()[0]
 
     assert [drive(500), drive(500, 1 << 8), drive(700), drive(0), drive(250)] == [20.0, 20.0, 20.0, 20.0, 30.0]
-    assert [drive(0, 1 << 8), drive(0)] == [20.0, 0.0]
+    assert [drive(0, 1 << 8), drive(0), "Input Hold Disabled" in bench.partner.texts()] == [20.0, 0.0, True]
 
 
 def test_an_origin_is_confirmed_also_the_same_again_and_another_is_refused() -> None:

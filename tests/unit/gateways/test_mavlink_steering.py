@@ -251,6 +251,7 @@ def test_each_function_of_a_button_acts_when_it_is_pressed(
         bench.table.set("BTN0_FUNCTION", function)
         for mask in (1, 1, 0):  # it is held, which counts once
             buttons.receive(mask, bench.now + number * 10**9)
+    assert any(text.startswith("#") for _, text in bench.core.texts) == (functions[-1] in (41, 42, 49))
     assert read(bench) == expected
 
 
