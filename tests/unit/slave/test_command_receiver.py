@@ -327,17 +327,17 @@ def test_a_velocity_that_no_vehicle_reaches_is_malformed(axis: int, side: float)
 
 
 def test_ages_need_no_common_clock() -> None:
-    ages = AgeFilter()
-    offset = -7 * 3600 * 10**9  # the master's clock is seven hours wrong
+    ages, offset = AgeFilter(), -7 * 3600 * 10**9  # the master's clock is seven hours wrong
     assert ages.age_ns(offset, 5 * MS, 0) == 0
     assert ages.age_ns(offset + 50 * MS, 57 * MS, 52 * MS) == pytest.approx(2 * MS, abs=10_000)
+    offset -= 3600 * 10**9  # it is set: this message counts as old as the one before
+    assert ages.age_ns(offset + 60 * MS, 67 * MS, 62 * MS) == pytest.approx(2 * MS, abs=10_000)
     assert ages.age_ns(offset + 100 * MS, 103 * MS, 98 * MS) == 0
 
 
 def test_ages_follow_drifting_clocks() -> None:
     ages = AgeFilter()
-    hour = 3600 * 10**9
-    age = 0
+    hour, age = 3600 * 10**9, 0
     for second in range(0, 3600, 10):
         sent = second * 10**9
         age = ages.age_ns(sent, sent + round(second * 10**9 * 40e-6), sent)  # 40 ppm apart
