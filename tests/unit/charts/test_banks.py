@@ -197,7 +197,7 @@ def test_a_structure_charted_as_an_area_is_a_block_on_the_bed() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0])
-@pytest.mark.parametrize("cells", [1.0, 2.0, 3.0, 4.0])
+@pytest.mark.parametrize("cells", [1.0, 3.0])
 def test_a_mole_with_a_wall_on_one_side_has_no_ripple_on_either(degrees: float, cells: float) -> None:
     """The bed has its full depth at the wall, and rises to the natural coast. As a bank it was 0.3 m deep at the wall.
 
@@ -224,7 +224,7 @@ def test_a_mole_with_a_wall_on_one_side_has_no_ripple_on_either(degrees: float, 
     assert depths[-1].mean() > 0.9 * DEPTH
 
 
-@pytest.mark.parametrize("degrees", [20.0, 30.0, 45.0])
+@pytest.mark.parametrize("degrees", [20.0, 45.0])
 @pytest.mark.parametrize("slope", [0.0, 0.05, 0.125, 0.33])
 def test_a_profile_along_a_natural_coast_has_no_ripple(degrees: float, slope: float) -> None:
     """The bed has this slope up to the coast, or is level and ends in a bank. It had ripples of 0.2 to 0.3 m.
