@@ -59,3 +59,5 @@ def test_shortcuts_equal_the_full_formulas_exactly() -> None:
 def test_normalisation_gives_unit_length() -> None:
     assert normalise((2.0, 0.0, 0.0, 0.0)) == (1.0, 0.0, 0.0, 0.0)
     assert rotations.matrix((1.0, 0.0, 0.0, 0.0)) == (1, 0, 0, 0, 1, 0, 0, 0, 1)
+    with pytest.raises(FloatingPointError):
+        normalise((0.0, 0.0, 0.0, 0.0))

@@ -158,6 +158,8 @@ def test_a_tether_on_the_seabed_has_a_steady_pull(stiffness: float) -> None:
     assert max(pulls[-500:]) - min(pulls[-500:]) < 0.03 * pulls[-1]
     level = hypot(*tether._force[:2])
     assert pulls[-1] == pytest.approx(level + WEIGHT * 20.0, rel=0.05)
+    floating, _ = at_rest(KEYS._replace(mass=0.02), steps=150)
+    assert [node[2] for node in floating.nodes][:8] == [0.0] * 7 + [pytest.approx(3.6, abs=0.1)]
 
 
 def test_segments_that_are_too_short_are_refused() -> None:
