@@ -67,7 +67,7 @@ def pytest_sessionstart() -> None:
     free_ports(1)
 
 
-SYSTEM_TESTS = Path(__file__).parent / "system"
+SYSTEM_TESTS = f"{Path(__file__).parent / 'system'}{os.sep}"
 DEFAULT_RECORDINGS = (
     Path(__file__).parent.parent / "recordings"
 )  # where `uuv-hil recording make` and slaves write by default
@@ -82,7 +82,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if config.pluginmanager.hasplugin("timeout"):
         for item in items:
             if not item.get_closest_marker("timeout"):
-                is_system = SYSTEM_TESTS in item.path.parents
+                is_system = str(item.path).startswith(SYSTEM_TESTS)
                 item.add_marker(pytest.mark.timeout(MAX_SYSTEM_SECONDS if is_system else MAX_SECONDS))
 
 

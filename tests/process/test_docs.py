@@ -87,10 +87,8 @@ def test_the_example_of_the_link_library_runs(tmp_path: Path) -> None:
         script = block.text.replace("pty:/tmp/uuv-hil-stm32", port)
         done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
-    # The last may be under way, and on a busy machine the watchdog may have tripped.
-    assert re.match(r"(4\d|50) \(1550, 1550, 1550, 1550, 1550, 1550\) \d", lines[-1])
-    assert len(lines) >= 50
+    # A command that comes after the watchdog's time is answered too, so the loop ends on a busy machine as well.
+    assert re.search(r"^(5\d|[6-9]\d|\d{3,}) \(1550, 1550, 1550, 1550, 1550, 1550\) \d+$", done.stdout, re.M)
 
 
 # What a whole file has on its top level -> what reads it.

@@ -3,7 +3,9 @@
 import json
 import re
 import time
+from collections import defaultdict
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from struct import pack, unpack_from
 from typing import Any
@@ -180,25 +182,29 @@ def test_parameters_are_read_and_set(foxglove: Foxglove) -> None:
 
 
 def test_changes_of_parameters_are_sent_to_their_subscribers(foxglove: Foxglove) -> None:
+    """Updates may come after the answer, but in the order of the changes: that of `name` is the last of its value."""
     name, other = "/uuv1/gains.surge.p", "/uuv1/gains.surge.i"
+    values = count(2.0, 0.125)
 
-    def changed(value: float) -> list[str]:
-        """Set both, and return the names in the updates before the answer."""
-        foxglove.texts.clear()
+    def updates() -> dict[float, list[str]]:
+        """Set both to a new value; return the names in the updates of each value so far."""
+        value, found = next(values), defaultdict[float, list[str]](list)
         rows = [{"name": each, "value": value} for each in (other, name)]
-        foxglove.send("setParameters", parameters=rows, id="set")
-        foxglove.until(lambda: [text for text in foxglove.texts if text.get("id") == "set"])
-        foxglove.send("getParameters", parameterNames=[name], id="later")
-        foxglove.until(lambda: [text for text in foxglove.texts if text.get("id") == "later"])
-        return [row["name"] for text in foxglove.texts if "parameters" in text and "id" not in text
-                for row in text["parameters"]]  # fmt: skip
+        foxglove.send("setParameters", parameters=rows, id=str(value))
+        foxglove.until(lambda: [text for text in foxglove.texts if text.get("id") == str(value)])
+        for text in foxglove.texts:
+            for row in text["parameters"] if text["op"] == "parameterValues" and "id" not in text else ():
+                found[row["value"]].append(row["name"])
+        return found
 
     foxglove.send("subscribeParameterUpdates", parameterNames=[name])
-    assert foxglove.until(lambda: changed(3.5)) == [name]
+    assert all(names == [name] for names in foxglove.until(updates).values())
     foxglove.send("subscribeParameterUpdates", parameterNames=[])
-    assert foxglove.until(lambda: len(names := changed(3.0)) == 2 and names) == [other, name]
+    assert foxglove.until(lambda: [other, name] in updates().values())
     foxglove.send("unsubscribeParameterUpdates", parameterNames=[])
-    assert changed(2.5) == []
+    later = next(values)
+    for _ in range(5):
+        assert max(updates()) < later
 
 
 def test_the_graph_is_sent_with_its_changes(foxglove: Foxglove, vehicle: tuple[str, str]) -> None:
