@@ -21,7 +21,7 @@ from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.health.machine_figures import add_machine_figures, network_bytes
 from tests.support.diagnostics import reported
-from tests.support.processes import Program, wait_for, write_scenario
+from tests.support.processes import Program, run_here, wait_for, write_scenario
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,8 @@ def row(text: str, name: str) -> str:
     return next(line for line in text.splitlines() if line.startswith(name))[len(name) :].strip()
 
 
-def test_the_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
-    text = print_once(tmp_path, slave)
+def test_the_table_of_a_real_slave(slave: int) -> None:
+    text = print_once(slave)
     assert row(text, "loop (Hz)") == "400"
     assert row(text, "state") == "waiting for commands, thrusters neutral"
     assert 0.1 < float(row(text, "CPU (of a core)").rstrip("%")) < 100.0
@@ -50,17 +50,18 @@ def test_the_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
     assert "nobody at" not in text
 
 
-def print_once(folder: Path, port: int) -> str:
-    with Program(folder, "top", "--connect", f"tcp/127.0.0.1:{port}", "--once") as top:
-        assert top.process.wait(60) == 0, top.output
-    return top.output
+def print_once(*ports: int) -> str:
+    endpoints = [word for port in ports for word in ("--connect", f"tcp/127.0.0.1:{port}")]
+    code, output = run_here("top", *endpoints, "--once")
+    assert code == 0, output
+    return output
 
 
-def test_the_message_rate_with_a_client_of_all_topics(slave: int, tmp_path: Path) -> None:
+def test_the_message_rate_with_a_client_of_all_topics(slave: int) -> None:
     """The rates are IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20: about 184 a second."""
     with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1", role="observer") as client:
         assert wait_for(lambda: client.received["imu"] > 150)  # for longer than a second
-        assert 110.0 < float(row(print_once(tmp_path, slave), "messages sent (1/s)")) < 350.0, (
+        assert 110.0 < float(row(print_once(slave), "messages sent (1/s)")) < 350.0, (
             "more than the IMU, not twice"
         )
 
@@ -69,10 +70,8 @@ def test_two_slaves_of_one_name_are_reported(slave: int, tmp_path: Path) -> None
     path, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", path) as other:
         other.expect("ready")
-        both = [word for one in (slave, port) for word in ("--connect", f"tcp/127.0.0.1:{one}")]
-        with Program(tmp_path, "top", *both, "--once") as top:
-            assert top.process.wait(60) == 0, top.output
-    assert "2 slaves are called uuv1, and their figures are mixed" in top.output
+        output = print_once(slave, port)
+    assert "2 slaves are called uuv1, and their figures are mixed" in output
 
 
 def test_prometheus_listens_at_an_ipv6_address() -> None:

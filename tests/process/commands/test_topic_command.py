@@ -24,7 +24,7 @@ from hil.ros import graph, types
 from hil.ros import message as ros_message
 from hil.ros.graph import Entity
 from hil.ros.topics import Qos
-from tests.support.processes import Program, free_port, wait_for, write_scenario
+from tests.support.processes import Program, free_port, run_here, wait_for, write_scenario
 
 
 def read_yaml(text: str) -> Any:
@@ -111,10 +111,9 @@ class User:
         return Program(self.folder, "topic", *arguments, "--connect", self.endpoint)
 
     def run(self, *arguments: object, code: int = 0) -> str:
-        with self.start(*arguments) as program:
-            assert program.wait() == code, program.output
-            assert "Traceback" not in program.output
-            return program.output
+        returned, output = run_here("topic", *map(str, arguments), "--connect", self.endpoint)
+        assert (returned, "Traceback" in output) == (code, False), output
+        return output
 
 
 @pytest.fixture(scope="module")
