@@ -134,11 +134,11 @@ def test_the_documentation_has_toml_of_the_main_sections() -> None:
     }  # fmt: skip
 
 
-def fly_example(**position: float) -> Any:
+def fly_example(time_limit: float = 60.0, **position: float) -> Any:
     """Return the tutorial's planner in the reference field."""
     (text,) = [block for block in TOML if "straight:Straight" in block.text]
     planner = parse_toml(text.text)["planner"] | position
-    scenario = load_scenario("paper_field", {"planner": planner, "master": {"time_limit": 60.0}})
+    scenario = load_scenario("paper_field", {"planner": planner, "master": {"time_limit": time_limit}})
     outcome, _ = fly(scenario, prepare(scenario))
     return outcome
 
@@ -153,7 +153,7 @@ def test_the_planner_of_the_tutorial_reaches_its_goal(modules: Path) -> None:
 
 def test_a_goal_inside_a_pile_is_no_success(modules: Path) -> None:
     """A vehicle that touches the pile is held there by friction, and the run reports it."""
-    outcome = fly_example(north=8.0, east=7.0, depth=2.0)
+    outcome = fly_example(25.0, north=8.0, east=7.0, depth=2.0)
     assert not outcome.success
     assert outcome.verdict.endswith("collision with the pile at (6.5, 7.5)")
     assert sum(event.duration_ns for event in outcome.events) > 5e9

@@ -33,6 +33,7 @@ east = 4
 depth = 2
 [slave]
 listen = "tcp/127.0.0.1:{port}"
+step = 0.01
 {slave}
 [link]
 {link}

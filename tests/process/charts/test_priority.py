@@ -30,8 +30,8 @@ def raster(path: Path, depth: float, west: float, east: float, slope: float = 0.
     return str(path)
 
 
-def soundings(path: Path, depth: float, west: float, east: float) -> str:
-    places = np.random.default_rng(4).uniform((51.98, west), (52.02, east), (600, 2))
+def soundings(path: Path, depth: float, west: float, east: float, count: int = 250) -> str:
+    places = np.random.default_rng(4).uniform((51.98, west), (52.02, east), (count, 2))
     rows = [f"{latitude:.6f},{(longitude + 180.0) % 360.0 - 180.0:.6f},{depth}" for latitude, longitude in places]
     path.write_text("latitude,longitude,depth\n" + "\n".join(rows) + "\n")
     return str(path)
@@ -69,7 +69,8 @@ def test_soundings_of_greater_priority_replace_a_raster(tmp_path: Path) -> None:
 
 
 def test_soundings_of_less_priority_are_left_out_where_others_exist(tmp_path: Path) -> None:
-    old, new = (soundings(tmp_path / "old.csv", 20.0, 10.0, 10.04), soundings(tmp_path / "new.csv", 40.0, 10.02, 10.06))
+    old = soundings(tmp_path / "old.csv", 20.0, 10.0, 10.04, 600)
+    new = soundings(tmp_path / "new.csv", 40.0, 10.02, 10.06, 600)
     grid, plane, _ = bed([old, new], {new: 1})
     assert [depth_at(grid, plane, x) for x in (10.01, 10.03, 10.05)] == pytest.approx([20.0, 40.0, 40.0], abs=0.5)
     mixed, plane, _ = bed([old, new])

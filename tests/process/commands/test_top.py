@@ -24,10 +24,17 @@ from tests.support.diagnostics import reported
 from tests.support.processes import Program, run_here, wait_for, write_scenario
 
 
+def write_usual_scenario(folder: Path) -> tuple[Path, int]:
+    """Write the scenario of other tests with the usual step, 400 a second; return the file and its port."""
+    path, port = write_scenario(folder)
+    path.write_text(path.read_text().replace("step = 0.01\n", ""))
+    return path, port
+
+
 @pytest.fixture(scope="module")
 def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     folder = tmp_path_factory.mktemp("top")
-    path, port = write_scenario(folder)
+    path, port = write_usual_scenario(folder)
     with Program(folder, "slave", path) as program:
         program.expect("ready")
         yield port
@@ -61,9 +68,7 @@ def test_the_message_rate_with_a_client_of_all_topics(slave: int) -> None:
     """The rates are IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20: about 184 a second."""
     with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1", role="observer") as client:
         assert wait_for(lambda: client.received["imu"] > 150)  # for longer than a second
-        assert 110.0 < float(row(print_once(slave), "messages sent (1/s)")) < 350.0, (
-            "more than the IMU, not twice"
-        )
+        assert 110.0 < float(row(print_once(slave), "messages sent (1/s)")) < 350.0, "more than the IMU, not twice"
 
 
 def test_two_slaves_of_one_name_are_reported(slave: int, tmp_path: Path) -> None:
@@ -82,7 +87,7 @@ def test_prometheus_listens_at_an_ipv6_address() -> None:
 
 
 def test_prometheus_shows_a_real_slave_until_it_ends(tmp_path: Path) -> None:
-    path, port = write_scenario(tmp_path)
+    path, port = write_usual_scenario(tmp_path)
     with Program(tmp_path, "slave", path) as vehicle:
         vehicle.expect("ready")
         with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{port}", "--prometheus", "0") as top:

@@ -3,25 +3,19 @@
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
-from hil.common.errors import ConfigError
 from hil.network.roles import open_master_session
 from hil.network.services import call
 from hil.network.session import Session
 from hil.recording import check as recording_check
 from hil.recording.events import EVENTS, decode_event
 from hil.recording.reader import read_messages
-from hil.slave.ros.parameters import failures_text, read_failures
-from sim.vehicle.failures import Failure
 from tests.support.processes import Program, write_scenario
 
 NAMES = ["front_right", "front_left", "rear_right", "rear_left", "vertical_right", "vertical_left"]
@@ -255,29 +249,3 @@ def test_parameter_changes_are_recorded_and_repeated_bit_for_bit(flown: Commande
     verdict = recording_check.check(str(recorder))
     assert verdict.difference == ""
     assert verdict.compared > 100
-
-
-# --- texts
-
-
-FAILURES = st.one_of(
-    st.just({"kind": "off"}),
-    st.floats(0.0, 1.0, exclude_max=True).map(lambda x: {"kind": "efficiency", "efficiency": x}),
-    st.integers(1, 2200).map(lambda x: {"kind": "stuck", "pwm_us": x}),
-    st.floats(0.0, 10.0, exclude_min=True).map(lambda x: {"kind": "delayed", "delay": x}),
-    st.floats(0.0, 2.0, exclude_min=True).map(lambda x: {"kind": "noisy", "noise": x}),
-)
-
-
-@given(st.lists(FAILURES, max_size=5, unique_by=lambda keys: str(keys["kind"])))
-def test_every_shown_value_can_be_set(tables: list[dict[str, Any]]) -> None:
-    """The text of any list of failures can be parsed, also the longest."""
-    failures = [Failure("bow", **table) for table in tables]
-    assert read_failures(failures_text(failures), "bow", "failures.bow") == failures
-
-
-@given(st.text(max_size=60) | st.text('kind=off,;. "0123456789efnoisy_', max_size=60))
-def test_random_text_is_refused_without_other_errors(text: str) -> None:
-    with suppress(ConfigError):
-        found = read_failures(text, "bow", "failures.bow")
-        assert read_failures(failures_text(found), "bow", "failures.bow") == found
