@@ -23,10 +23,10 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def slope_with_a_wall() -> Grid:
     """Return a bed 6 m deep in the south, 16 m in the north, with a wall out of the water along north = 100 m."""
-    north = np.arange(-200.0, 201.0, 4.0)
-    depths = np.repeat((11.0 + north / 40.0)[:, None], 101, axis=1).astype(np.float32)
+    north = np.arange(-200.0, 201.0, 5.0)
+    depths = np.repeat((11.0 + north / 40.0)[:, None], 81, axis=1).astype(np.float32)
     depths[np.abs(north - 100.0) < 3.0] = -2.0
-    return Grid(depths, -200.0, -200.0, 4.0)
+    return Grid(depths, -200.0, -200.0, 5.0)
 
 
 def test_the_best_path_is_beside_the_wall_and_in_known_water() -> None:
@@ -67,7 +67,7 @@ def test_the_path_is_near_the_bed_where_all_water_is_deeper_than_daylight() -> N
 def test_a_dive_scenario_over_a_chart_has_sensors_and_clearance(tmp_path: Path) -> None:
     """Start and goal are at the requested geographic positions."""
     chart = bay().write(tmp_path / "BAY.000")
-    path = prepare_dive(chart, DiveOptions((54.0015, 10.002), (54.0015, 10.0025)), str(tmp_path)).path
+    path = prepare_dive(chart, DiveOptions((54.0015, 10.002), (54.0015, 10.0025), resolution=10.0), str(tmp_path)).path
     scenario = load_scenario(path)
     assert {"laser", "camera", "forward_sonar", "altimeter"} <= set(scenario.sensors)
     assert scenario.start.north == pytest.approx((54.0015 - 54.005) * 111_260.0, abs=2.0)

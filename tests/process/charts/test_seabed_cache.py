@@ -46,19 +46,19 @@ def builds(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 def test_a_chart_is_gridded_once_and_then_cached(tmp_path: Path, cache: Path, builds: list[Any]) -> None:
-    path = bay().write(tmp_path / "BAY.000")
+    path = bay(20_000).write(tmp_path / "BAY.000")
     first, second = load_or_build_seabed(path), load_or_build_seabed(path)
     assert builds == [None]
-    assert first.model.grid.resolution == pytest.approx(LINE_ACCURACY * 10_000)
+    assert first.model.grid.resolution == pytest.approx(LINE_ACCURACY * 20_000)
     assert second.report == first.report
     assert second.model.cylinders == first.model.cylinders
     np.testing.assert_array_equal(second.model.grid.depths, first.model.grid.depths)
     assert not second.model.grid.depths.flags.owndata, "mapped, not read"
-    assert load_or_build_seabed(path, 20.0).model.grid.resolution == 20.0
+    assert load_or_build_seabed(path, 25.0).model.grid.resolution == 25.0
     assert len(os.listdir(cache)) == 2
     os.utime(path, (1.0, 1.0))
     load_or_build_seabed(path)
-    assert builds == [None, 20.0, None], "the file has changed"
+    assert builds == [None, 25.0, None], "the file has changed"
 
 
 def test_the_cache_is_pruned_and_may_be_missing_or_damaged(

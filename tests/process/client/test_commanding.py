@@ -15,7 +15,7 @@ from hil.common.clock import NS_PER_S
 from hil.common.errors import NetworkError
 from hil.ros.commands import encode_thrusts
 from tests.support.network.python_api import endpoint, fleet, own_slave, vehicle
-from tests.support.processes import ROOT, Program, wait_for, write_scenario
+from tests.support.processes import ROOT, Program, run_here, wait_for, write_scenario
 
 __all__ = ["endpoint", "fleet", "own_slave", "vehicle"]  # the fixtures
 
@@ -98,11 +98,10 @@ def test_the_first_command_is_sent_at_once(endpoint: str) -> None:
             time.sleep(0.3)  # the vehicle tells who commands
 
 
-def test_commands_to_a_disarmed_vehicle_are_refused(own_slave: tuple[Program, str], tmp_path: Path) -> None:
+def test_commands_to_a_disarmed_vehicle_are_refused(own_slave: tuple[Program, str]) -> None:
     _, endpoint = own_slave
-    call = ("topic", "call", "/uuv1/arm", "{data: false}", "--connect", endpoint)
-    with Program(tmp_path, *call) as program:
-        assert program.wait() == 0, program.output
+    code, output = run_here("topic", "call", "/uuv1/arm", "{data: false}", "--connect", endpoint)
+    assert code == 0, output
     with hil.connect(endpoint, wait=60.0) as fleet:
         assert wait_for(lambda: fleet["uuv1"].diagnostics.armed is False)
         with pytest.raises(NetworkError, match=r"disarmed.*/uuv1/arm"):

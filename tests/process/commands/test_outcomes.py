@@ -9,7 +9,7 @@ import pytest
 
 from hil.commands import campaign
 from hil.common.errors import ConfigError
-from tests.support.processes import Program, write_blind_mission, write_scenario
+from tests.support.processes import Program, run_here, write_blind_mission, write_scenario
 
 
 @pytest.fixture
@@ -17,18 +17,18 @@ def into_wall(tmp_path: Path) -> Path:
     return write_blind_mission(tmp_path)
 
 
-def test_sim_prints_a_collision_and_returns_6(into_wall: Path, tmp_path: Path) -> None:
-    environment = {"PYTHONPATH": str(tmp_path)}
-    with Program(tmp_path, "sim", into_wall, "--fast", environment=environment) as sim:
-        assert sim.wait() == 6, sim.output
-    assert "there, but collision with the north wall after 12." in sim.output
-    assert "EVENT: collision with the north wall " in sim.output
-    assert "name 'collision' in [master] allow" in sim.output
+def test_sim_prints_a_collision_and_returns_6(into_wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    code, output = run_here("sim", str(into_wall), "--fast")
+    assert code == 6, output
+    assert "there, but collision with the north wall after 12." in output
+    assert "EVENT: collision with the north wall " in output
+    assert "name 'collision' in [master] allow" in output
     text = into_wall.read_text()
     into_wall.write_text(text.replace('"link_lost"', '"collision"'))
-    with Program(tmp_path, "sim", into_wall, "--fast", environment=environment) as sim:
-        assert sim.wait() == 0, sim.output
-    assert "expected: collision with the north wall" in sim.output
+    code, output = run_here("sim", str(into_wall), "--fast")
+    assert code == 0, output
+    assert "expected: collision with the north wall" in output
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

@@ -66,12 +66,10 @@ def test_a_recording_describes_its_run(dive: tuple[Path, Path, str]) -> None:
 
 
 def test_a_replay_check_repeats_the_run_bit_for_bit(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
-    with Program(tmp_path, "recording", "replay", dive[0], "--check") as check:
-        assert check.wait() == 0, check.output
-    assert "the same bit for bit" in check.output
-    with Program(tmp_path, "recording", "replay", dive[1], "--check") as check:
-        assert check.wait() == 2
-    assert "slave's own recording" in check.output
+    code, output = run_here("recording", "replay", str(dive[0]), "--check")
+    assert (code, "the same bit for bit" in output) == (0, True), output
+    code, output = run_here("recording", "replay", str(dive[1]), "--check")
+    assert (code, "slave's own recording" in output) == (2, True), output
 
 
 def rewritten(path: Path, folder: Path, new_facts: dict[str, str], kept_pulses: range, flip: int = 0) -> Path:
@@ -96,7 +94,7 @@ def rewritten(path: Path, folder: Path, new_facts: dict[str, str], kept_pulses: 
         ({}, range(10**6), 20, 6, ["then the simulator differs", "/uuv1/"]),
         ({}, range(100, 10**6), 0, 2, ["its beginning is missing", "record it again"]),
         ({}, range(10**6), 0, 0, ["the same bit for bit"]),
-        ({"step_ns": "2500000"}, range(3), 0, 2, ["no samples to compare"]),
+        ({}, range(2), 0, 2, ["no samples to compare"]),
     ],
 )
 def test_the_replay_check_reports_what_differs(

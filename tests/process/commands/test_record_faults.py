@@ -32,8 +32,8 @@ def test_a_killed_recorder_leaves_a_readable_recording(tmp_path: Path) -> None:
         assert len(numbers) > 70
         with AnyReader([path]) as reader:
             assert sum(connection.topic == "/uuv1/imu" for connection, _, _ in reader.messages()) == len(numbers)
-    with Program(tmp_path, "recording", "replay", own_recording(tmp_path / "recordings"), "--check") as check:
-        assert check.wait() == 0, check.output
+    code, output = run_here("recording", "replay", str(own_recording(tmp_path / "recordings")), "--check")
+    assert code == 0, output
 
 
 def test_a_vehicle_continues_when_its_disk_is_full(tmp_path: Path) -> None:
@@ -57,8 +57,8 @@ def test_a_vehicle_continues_when_its_disk_is_full(tmp_path: Path) -> None:
         assert slave.stop(signal.SIGTERM) == 0
     assert "thrusters neutral" in slave.output
     assert "Traceback" not in slave.output
-    with Program(tmp_path, "recording", "replay", own_recording(tmp_path / "recordings"), "--check") as check:
-        assert check.wait() == 0, check.output
+    code, output = run_here("recording", "replay", str(own_recording(tmp_path / "recordings")), "--check")
+    assert code == 0, output
 
 
 def test_ctrl_c_ends_the_gateway_while_no_vehicle_is_connected(tmp_path: Path) -> None:

@@ -57,9 +57,9 @@ def test_the_table_of_a_real_slave(slave: int) -> None:
     assert "nobody at" not in text
 
 
-def print_once(*ports: int) -> str:
+def print_once(*ports: int, wait_s: int = 10) -> str:
     endpoints = [word for port in ports for word in ("--connect", f"tcp/127.0.0.1:{port}")]
-    code, output = run_here("top", *endpoints, "--once")
+    code, output = run_here("top", *endpoints, "--once", "--wait", f"{wait_s}")
     assert code == 0, output
     return output
 
@@ -75,7 +75,7 @@ def test_two_slaves_of_one_name_are_reported(slave: int, tmp_path: Path) -> None
     path, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", path) as other:
         other.expect("ready")
-        output = print_once(slave, port)
+        output = print_once(slave, port, wait_s=2)
     assert "2 slaves are called uuv1, and their figures are mixed" in output
 
 

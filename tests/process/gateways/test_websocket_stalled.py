@@ -26,9 +26,9 @@ MAX_READ = 32 << 20  # bytes that a server reads of a client that reads nothing:
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoxgloveServer]:
-    """Provide a server with room for one client, which waits half a second for those that do not read."""
+    """Provide a server with room for one client, which waits a fifth of a second for those that do not read."""
     monkeypatch.setattr(websocket_client, "MAX_BYTES", 10_000)
-    monkeypatch.setattr(websocket_client, "STALLED_S", 0.5)
+    monkeypatch.setattr(websocket_client, "STALLED_S", 0.2)
     monkeypatch.setattr(websocket_server, "MAX_CLIENTS", 1)
     monkeypatch.setattr(websocket_server, "HEARTBEAT_S", 5.0)  # serves where the kernel stops what the client sends
     with FoxgloveServer("127.0.0.1", 0) as server:

@@ -17,7 +17,7 @@ from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
 ROOT = Path(__file__).parents[3]
-STEPS = 30_000  # 75 s at 400 Hz
+STEPS = 15_000  # 37 s at 400 Hz
 
 
 def fingerprint(steps: int) -> str:
