@@ -43,18 +43,6 @@ def test_each_request_of_its_connection_is_answered(station: Station) -> None:
     assert not station.plan(dialect.MAV_MISSION_TYPE_RALLY)
 
 
-def test_manual_control_with_mavlink_extensions_moves_the_vehicle(station: Station) -> None:
-    """MANUAL_CONTROL is as QGroundControl sends it to a submarine: all axes, and the extensions for roll and pitch."""
-    station.set_mode(Mode.MANUAL)
-    assert station.command_to(1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0) == 0
-
-    def push() -> None:
-        station.send.manual_control_send(1, 600, 0, 500, 0, 0, 0, 3, 0, 0)
-
-    station.wait("VFR_HUD", lambda hud: hud.groundspeed > 0.1, push)
-    station.disarm()
-
-
 def test_speeds_and_currents_of_the_motors_are_sent(station: Station) -> None:
     """Motors with a manufacturer's table are reported in both messages that it reads, for all eight."""
     station.set_mode(Mode.MANUAL)

@@ -6,7 +6,6 @@ import signal
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,6 @@ import hil
 from hil.common.tables import parse_toml
 from hil.recording.reader import read_messages
 from hil.ros import encoders as ros
-from hil.ros.topics import TOPICS
 from hil.scenario.config import build_simulation, load_scenario
 from sim.environment.world import load_world
 from sim.sensors.own import OwnSample
@@ -47,14 +45,6 @@ def from_tutorial(language: str) -> str:
     found = re.search(rf"```{language}\n(.*?)```", section, re.DOTALL)
     assert found, f"the tutorial shows no {language} there"
     return found[1]
-
-
-@pytest.fixture(autouse=True)
-def topics_as_before() -> Iterator[None]:
-    before = dict(TOPICS)
-    yield
-    TOPICS.clear()
-    TOPICS.update(before)
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from tests.support.processes import Program, wait_for, write_scenario
 
 PACKAGE = "simulation_interfaces/srv/"
 PLAYING, PAUSED = 1, 2
-STEP_NS = 2_500_000
+STEP_NS = 10_000_000
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 import hil
 from hil.client.fleet import Fleet
 from hil.client.vehicle_handle import Vehicle
-from tests.support.processes import Program, slave_with, write_scenario
+from tests.support.processes import Program, running_slave, slave_with
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,5 @@ def vehicle(fleet: Fleet) -> Vehicle:
 
 @pytest.fixture
 def own_slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
-    scenario, port = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", scenario) as program:
-        program.expect("ready")
-        yield program, f"tcp/127.0.0.1:{port}"
+    with running_slave(tmp_path) as started:
+        yield started

@@ -44,20 +44,8 @@ NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
 def read_by_the_rules(key: str) -> dict[str, Any]:
     """Decode a token as rmw_zenoh_cpp does, in its order of parts and with its numbers (rmw/types.h)."""
     order = (
-        "admin",
-        "domain",
-        "zid",
-        "nid",
-        "id",
-        "kind",
-        "enclave",
-        "namespace",
-        "name",
-        "topic",
-        "type",
-        "hash",
-        "qos",
-    )
+        "admin", "domain", "zid", "nid", "id", "kind", "enclave", "namespace", "name", "topic", "type", "hash", "qos",
+    )  # fmt: skip
     fields = key.split("/")
     assert all(fields), "an empty part is refused"
     assert len(fields) in (9, 13)
