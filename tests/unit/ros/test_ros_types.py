@@ -8,6 +8,7 @@ import os
 import random
 import struct
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from hil.client.message_text import parse_values
 from hil.common.errors import ConfigError
 from hil.ros import message as ros_message
 from hil.ros import types
@@ -251,3 +253,10 @@ def test_messages_can_be_written_as_json_except_bytes() -> None:
     message = ros_message.empty("nav_msgs/msg/Odometry")
     again: Sequence[float] = json.loads(json.dumps(message))["pose"]["covariance"]
     assert again == [0.0] * 36
+
+
+@given(st.text(max_size=30))
+def test_random_text_raises_no_other_error(text: str) -> None:
+    for noise in (text, f"{{{text}", f"{{a: {text}}}"):
+        with suppress(ConfigError):
+            assert isinstance(parse_values(noise), dict)
