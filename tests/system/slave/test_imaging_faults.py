@@ -29,7 +29,7 @@ def slave(tmp_path: Path) -> Iterator[tuple[Program, VehicleClient]]:
 def steps_skipped_by_a_kill(program: Program, client: VehicleClient, restarts: int) -> float:
     """Kill the imaging process and wait for the next one's pictures; return the steps that the loop skipped per second.
 
-    A loop that waited half a second for the restart would skip some 50 of 400.
+    A loop that waited half a second for the restart would skip some 12 of 100.
     """
     began = time.monotonic()
     then, now = kill_and_wait(program, client, restarts)
@@ -53,4 +53,4 @@ def test_the_loop_continues_while_a_killed_imaging_process_is_restarted(slave: t
     program, client = slave
     assert wait_for(lambda: has_all(client)), client.received
     skipped = [steps_skipped_by_a_kill(program, client, number) for number in (1, 2, 3)]
-    assert min(skipped) <= 20, "other programs may delay the loop at the same time, but hardly each time"
+    assert min(skipped) <= 5, "other programs may delay the loop at the same time, but hardly each time"
