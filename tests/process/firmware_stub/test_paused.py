@@ -1,6 +1,7 @@
 """An STM32 whose process was stopped and continued does not execute commands that arrived meanwhile."""
 
 import os
+import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -27,6 +28,8 @@ def in_process(kind: str, wire: str) -> Callable[[Path], Iterator[Paused]]:
     """An STM32 in a process of its own, which a driver has started."""
 
     def start(folder: Path) -> Iterator[Paused]:
+        if kind == "native" and not shutil.which("cc"):
+            pytest.skip("needs a C compiler")
         port = f"udp://127.0.0.1:{free_port()}" if wire == "udp" else f"pty:{folder / 'stm32'}"
         with closing(open_driver(kind, Link(port=port, watchdog=WATCHDOG_S), 6, True, 1, print)) as driver:
             assert driver.host
