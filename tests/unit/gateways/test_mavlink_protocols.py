@@ -90,15 +90,15 @@ def _ftp(
 ) -> list[Any]:
     number = getattr(bench, "ftp_number", 0)
     bench.ftp_number = number + 1000  # type: ignore[attr-defined]
-    length = len(text) if size is None else size
-    payload = ftp.HEADER.pack(number, session, opcode, length, 0, 0, offset) + text
+    payload = ftp.HEADER.pack(number, session, opcode, len(text) if size is None else size, 0, 0, offset) + text
     bench.partner.send(ftp.ftp_message(payload, 1, 1))
     bench.run(0.2)
     replies: list[tuple[Any, ...]] = []
     for message in bench.partner.take_messages("FILE_TRANSFER_PROTOCOL"):
         data = bytes(message.payload)
         head = ftp.HEADER.unpack_from(data)
-        assert (head[0], head[4]) == (number + 1 + len(replies) & 0xFFFF, opcode), "QGroundControl waits for these"
+        is_last = len(replies) == ftp.BURST_AT_ONCE - 1
+        assert (head[0], *head[4:6]) == (number + 1 + len(replies) & 0xFFFF, opcode, is_last)
         replies.append((head[2], head[1], head[6], data[ftp.HEADER.size : ftp.HEADER.size + head[3]]))
     return replies
 
