@@ -73,7 +73,8 @@ def nodes_of(tree: ast.AST) -> Iterator[ast.AST]:
             call = node.value if isinstance(node, ast.Expr) else node
             talks = isinstance(call, ast.Call) and TALK.search(ast.unparse(call.func))
             inner = isinstance(node, (ast.FunctionDef, ast.ClassDef, ast.JoinedStr, ast.Raise, ast.Assert))
-            skipped = inner or talks or name in ("annotation", "returns", "decorator_list")
+            form = isinstance(node, ast.keyword) and node.arg in ("strict", "daemon")  # for faults of our own only
+            skipped = inner or talks or form or name in ("annotation", "returns", "decorator_list")
             if isinstance(node, ast.AST) and not skipped:
                 yield node
                 yield from nodes_of(node)
@@ -103,16 +104,24 @@ def run_tests(folder: Path, arguments: Sequence[str], limit_s: float = LIMIT_S) 
 
 
 def lines_run(folder: Path, room: str) -> dict[tuple[str, int], list[str]]:
-    """Return the unit tests that execute each line (file, number) of a room. Raises SystemExit if one fails."""
+    """Return the unit tests that execute each line (file, number) of a room. Raises SystemExit if one fails.
+
+    A line that runs while a test is set up belongs to its whole file, whose tests may share what was set up.
+    """
     if not run_tests(folder, [f"--cov={room}", "--cov-context=test", "--cov-report=", *ROOMS[room][0]], 6 * LIMIT_S):
         raise SystemExit(f"{room}: its unit tests fail without a change")
     data = CoverageData(str(folder / ".coverage"))
     data.read()
     return {
-        (str(Path(file).relative_to(folder)), line): [name[:-4] for name in contexts if name.endswith("|run")]
+        (str(Path(file).relative_to(folder)), line): sorted(set(map(_tests_of, contexts)) - {""})
         for file in data.measured_files()
         for line, contexts in data.contexts_by_lineno(file).items()
     }
+
+
+def _tests_of(context: str) -> str:
+    name, _, phase = context.partition("|")
+    return name if phase == "run" else name.partition("::")[0] if phase == "setup" else ""
 
 
 def survives(folder: Path, mutant: Mutant, *stages: Sequence[str]) -> bool:
