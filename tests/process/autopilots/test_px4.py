@@ -62,21 +62,15 @@ class Bench:
         path.write_text(SCENARIO.format(world=world, autopilot=autopilot, sensors=sensors, depth=depth))
         self.reports: list[str] = []
         self.run = AutopilotRun(load_scenario(str(path)), self.reports.append)
-        self._stopping = False
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self.stopping = False
+        self.thread = threading.Thread(target=self._run, daemon=True)
 
     def _run(self) -> None:
-        while not self._stopping:
+        while not self.stopping:
             try:
                 self.run.step()
             except (DeviceError, ValueError, OSError):  # the test has ended
                 return
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def stop(self) -> None:
-        self._stopping = True
 
     def wait_report(self, message: str) -> None:
         deadline = time.monotonic() + 30
@@ -89,9 +83,19 @@ class Bench:
 def bench(folder: Path, autopilot: str = "", sensors: str = "", depth: float = 5.0) -> Iterator[Bench]:
     bench = Bench(folder, autopilot, sensors, depth)
     with bench.run:
-        bench.start()
+        bench.thread.start()
         yield bench
-        bench.stop()
+        bench.stopping = True
+
+
+@pytest.fixture(autouse=True)
+def camera(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    """PX4's port for a camera, one of this test: a real PX4 on this machine would take the origin sent to its own."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as camera:
+        camera.bind(("127.0.0.1", 0))
+        camera.settimeout(10.0)
+        monkeypatch.setattr("hil.autopilots.px4.CAMERA_PORT", camera.getsockname()[1])
+        yield camera
 
 
 def test_px4_boots_by_the_wall_clock_and_then_runs_in_lockstep(tmp_path: Path) -> None:
@@ -157,30 +161,26 @@ def test_positions_by_dvl_are_a_depth_and_a_velocity_while_it_has_lock(tmp_path:
 
 
 def test_px4_gets_the_origin_and_a_field_that_is_not_constant_and_its_estimate_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, camera: socket.socket
 ) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as camera:
-        camera.bind(("127.0.0.1", 0))
-        camera.settimeout(10.0)
-        monkeypatch.setattr("hil.autopilots.px4.CAMERA_PORT", camera.getsockname()[1])
-        with bench(tmp_path) as b:
-            peer = Px4Peer(b.port)
-            fields = []
-            for _ in range(300):
-                sensor = peer.sensor()
-                fields.append(sensor.xmag)
-                peer.send_reply(sensor, ())
-            received = [camera.recvfrom(300) for _ in range(3)]
-            *wanted, message = [peer.stream.unpack(data)[0] for data, _ in received]
-            for answer in (
-                dialect.MAVLink_attitude_message(0, 0.0, 0.0, 0.1, 0, 0, 0),
-                dialect.MAVLink_global_position_int_message(0, 500_000_000, 80_000_000, 0, 0, 0, 0, 0, 0),
-            ):
-                camera.sendto(peer.stream.pack(answer), received[0][1])
-            for _ in range(3):
-                peer.send_reply(peer.sensor(), ())
-            estimate, truth = b.run.autopilot.estimate, b.run.simulation.truth()
-            peer.close()
+    with bench(tmp_path) as b:
+        peer = Px4Peer(b.port)
+        fields = []
+        for _ in range(300):
+            sensor = peer.sensor()
+            fields.append(sensor.xmag)
+            peer.send_reply(sensor, ())
+        received = [camera.recvfrom(300) for _ in range(3)]
+        *wanted, message = [peer.stream.unpack(data)[0] for data, _ in received]
+        for answer in (
+            dialect.MAVLink_attitude_message(0, 0.0, 0.0, 0.1, 0, 0, 0),
+            dialect.MAVLink_global_position_int_message(0, 500_000_000, 80_000_000, 0, 0, 0, 0, 0, 0),
+        ):
+            camera.sendto(peer.stream.pack(answer), received[0][1])
+        for _ in range(3):
+            peer.send_reply(peer.sensor(), ())
+        estimate, truth = b.run.autopilot.estimate, b.run.simulation.truth()
+        peer.close()
     assert [request.param1 for request in wanted] == [30, 33]  # ATTITUDE, GLOBAL_POSITION_INT
     assert estimate
     assert estimate.yaw == pytest.approx(0.1, abs=0.01)
