@@ -38,13 +38,14 @@ def run_without(tmp_path: Path, packages: str, *arguments: object) -> str:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["demo", "--listen", f"tcp/127.0.0.1:{free_port()}"],
+        ["demo", "--listen", f"tcp/127.0.0.1:{free_port()}", "--output", "{}/run"],
         ["sim", "paper_field", "--fast"],
         ["bench", "table"],
     ],
 )
 def test_commands_without_numpy_name_the_extra(tmp_path: Path, arguments: list[str]) -> None:
-    line = run_without(tmp_path, "numpy joblib matplotlib xacro", *arguments)
+    words = [word.format(tmp_path) for word in arguments]
+    line = run_without(tmp_path, "numpy joblib matplotlib xacro", *words)
     assert line.startswith("uuv-hil ")  # for the demo it is its master that says so
     assert line.endswith("pip install 'uuv-hil[master]'")
 
