@@ -17,13 +17,15 @@ from typing import Protocol
 from sim.rotations import down_axis
 from sim.vehicle.vehicle import Vehicle
 
-_FULL_THRUST = 1.3  # h / R
+_FULL_THRUST, _NO_THRUST = 1.3, -0.48  # h / R
 
 
 def thrust_share(immersion: float) -> float:
     """Return the share of the thrust, from 0 to 1, that remains at an immersion of h / R."""
     if immersion >= _FULL_THRUST:
         return 1.0
+    if immersion <= _NO_THRUST:  # a vehicle that diverges is so far up that the power overflows
+        return 0.0
     lost: float = 0.675 * max(0.0, 1.0 - 0.769 * immersion) ** 1.258
     return min(1.0, max(0.0, 1.0 - lost))
 

@@ -61,8 +61,9 @@ def extras() -> dict[str, set[str]]:
 def test_each_package_is_in_its_extra_and_none_is_missing() -> None:
     known: dict[str, set[str]] = {}  # packages_distributions() of Python 3.10 does not find those without top_level.txt
     for distribution in distributions():
-        for file in distribution.files or ():
-            known.setdefault(file.parts[0].split(".")[0], set()).add(distribution.metadata["Name"].lower())
+        name = distribution.metadata["Name"].lower()
+        for line in (distribution.read_text("RECORD") or "").splitlines():
+            known.setdefault(re.split("[/.,]", line, maxsplit=1)[0], set()).add(name)
     found = [(extra, known[package]) for package, extra in cli.EXTRAS.items()]
     for extra, names in found:
         assert names & extras()[extra], f"{names} is not in [{extra}]"
