@@ -160,7 +160,10 @@ class _Test:
         first = CALM_PULSES - WIDEST + self._sent % (2 * WIDEST)
         pulses = (first, *[CALM_PULSES] * (self._plan.channels - 1))
         self._waiting[sequence] = now_ns()
+        replaced = self._end.counters.replaced
         self._far.send(ThrusterCommand(sequence, self._plan.spin, pulses))
+        if self._end.counters.replaced > replaced:
+            self._waiting.pop((self._sent - 1) & 0xFFFF, None)  # it was never sent, so nothing answers it
 
     def _receive(self) -> None:
         answered = [message.sequence for message in self._far.service(now_ns())]
@@ -171,11 +174,16 @@ class _Test:
         for sequence in [s for s, sent in self._waiting.items() if now - sent > LOST_NS]:
             del self._waiting[sequence]
 
-    def result(self) -> Result:
-        """Return the figures of the commands sent so far."""
+    @property
+    def _end(self) -> Jumper | ThrusterLink:
+        """The end of the link that sends."""
         end = self._far if isinstance(self._far, Jumper) else self._far.host
         assert end is not None
-        trips, counters = sorted(self._trips_ns), end.counters
+        return end
+
+    def result(self) -> Result:
+        """Return the figures of the commands sent so far."""
+        trips, counters = sorted(self._trips_ns), self._end.counters
         seconds = max(now_ns() - self._began, 1) / NS_PER_S
         p50, p99, longest = (quantile(trips, share) / NS_PER_MS for share in (0.5, 0.99, 1.0))
         sent = self._sent - counters.replaced  # what a slow line did not take was never sent

@@ -36,6 +36,7 @@ def long_reply_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
         (),
         ("--rate", "100"),
         ("--rate", "0"),
+        ("--rate", "100", "--fault", "baud=9600"),
         ("--protocol", "mavlink"),
         ("--protocol", "vesc", "--port", "can:virtual:loop"),
         ("--protocol", "dronecan", "--port", "can:virtual:loop"),
@@ -52,6 +53,7 @@ def test_a_sound_link_loses_nothing(arguments: tuple[str, ...], capsys: pytest.C
     # one does not count as sent.
     assert output["answered"] == output["sent"] >= 1, "20 where nothing else uses the machine"
     assert (output["lost"], output["errors"]) == (0, 0)
+    assert output["seconds"] < 50.0, "it waits for no command that was never sent"
     assert (code, output["broken_limits"]) == (0, []), output
     assert 0.0 < output["p50_ms"] <= output["p99_ms"] <= output["max_ms"]
     assert output["counters"]["bytes_out"] > 0
