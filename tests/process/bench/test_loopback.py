@@ -75,7 +75,8 @@ def test_p99_of_a_hundred_round_trips_is_not_the_maximum() -> None:
 
 
 def test_losses_and_delays_of_a_bad_line_are_reported_and_break_limits(capsys: pytest.CaptureFixture[str]) -> None:
-    code, output = loopback(capsys, "--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
+    bad = ("--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
+    code, output = loopback(capsys, *bad, "--seconds", "1")
     assert code == 1
     assert 0.1 < output["loss"] < 0.7  # both ways
     assert output["p50_ms"] > 39.0

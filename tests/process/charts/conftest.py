@@ -1,35 +1,10 @@
-"""Charts are read and gridded in the test's process, unless a test is about the process that does it otherwise.
-
-A process of its own would load GDAL and SciPy for each chart.
-"""
-
-import warnings
-from collections.abc import Callable
-from importlib import import_module
-from typing import Any
+"""Charts are read in the test's process, unless a test is about the process that does it otherwise."""
 
 import pytest
 
-from hil.charts import limited
-
-
-@pytest.fixture
-def own_process() -> None:
-    """Let charts be read in processes of their own, for files that may end them."""
+from tests.support.charts.in_process import charts_in_process, own_process  # noqa: F401
 
 
 @pytest.fixture(autouse=True)
-def _in_this_process(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    if "own_process" not in request.fixturenames:
-        monkeypatch.setattr(limited, "call", _call_here)
-
-
-def _call_here(
-    function: str, *arguments: Any, limits: limited.Limits, report: Callable[[Any], None] | None = None
-) -> Any:
-    module, _, name = function.partition(":")
-    program = import_module(module)
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        warnings.simplefilter("default")  # as in a process of its own
-        patch.setattr(program, "limit_self", lambda *_: None, raising=False)
-        return getattr(program, name)(*arguments, **({"report": report} if report else {}))
+def _in_this_process(charts_in_process: None) -> None:  # noqa: F811
+    pass

@@ -15,6 +15,8 @@ from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from tests.support.charts.small_cell import bay
 
+pytestmark = pytest.mark.usefixtures("charts_in_process")
+
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,6 +25,8 @@ from sim.environment.world import load_world
 from tests.support.charts.s57_encoder import Encoder, square
 from tests.support.charts.small_cell import bay
 
+pytestmark = pytest.mark.usefixtures("charts_in_process")
+
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

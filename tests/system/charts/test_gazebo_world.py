@@ -21,6 +21,8 @@ from sim.rays.scene import RayScene
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.lazy import import_lazily
 
+pytestmark = pytest.mark.usefixtures("charts_in_process")
+
 trimesh = import_lazily("trimesh")
 
 OTTER = Path(__file__).parents[2] / "vectors" / "otter"

@@ -15,6 +15,8 @@ from hil.charts.sources.sign import Declared
 from hil.commands import world as command
 from hil.common.errors import ConfigError
 
+pytestmark = pytest.mark.usefixtures("charts_in_process")
+
 rasterio: Any = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
 
 

@@ -14,6 +14,8 @@ from sim.environment.world import load_world
 from tests.support.charts.s57_encoder import square
 from tests.support.charts.small_cell import bay, bed
 
+pytestmark = pytest.mark.usefixtures("charts_in_process")
+
 
 def chart(folder: Path) -> str:
     return bay().write(folder / "BAY.000")
