@@ -10,6 +10,7 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.common.clock import NS_PER_S
+from hil.common.errors import ConfigError
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Link
@@ -18,7 +19,7 @@ from hil.slave import loop as slave_loop
 from hil.slave.command_receiver import Received
 from hil.slave.drivers import driver as stm32
 from hil.slave.drivers.driver import open_driver, stop_thrusters
-from hil.slave.drivers.external import ExternalDriver
+from hil.slave.drivers.external import ExternalDriver, open_device
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
 from hil.slave.pilot_source import PilotSource
@@ -224,3 +225,8 @@ def test_a_line_that_is_too_slow_does_not_arm(loop: Loop, capsys: pytest.Capture
     loop.serve_source(now_ns())
     assert loop.source.pilot.active
     assert _arm(loop, True, lines.append)["success"]
+
+
+def test_a_real_stm32_needs_the_name_of_its_device() -> None:
+    with pytest.raises(ConfigError, match=r"no device: set \[link\] port"):
+        open_device(Link(port="pty:/tmp/uuv-hil-stm32"), 6, 1, host=True)
