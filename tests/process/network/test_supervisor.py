@@ -116,14 +116,20 @@ def test_a_vehicle_that_ends_behind_a_router_does_not_disturb_others(
         assert wait_for(lambda: not leaving.present)
         (watched,) = [each for each in fleet._session.supervisor.watched if each.name == "uuv2"]
         lines: list[str] = []
+        answers: list[bool] = []  # of the router, on whether it may still run; True without an answer in time
+        may_run = watched.may_run
+
+        def ask() -> bool:
+            answers.append(may_run())
+            return answers[-1]
+
         monkeypatch.setattr(watched, "report", lines.append)  # gets a line if the session is opened again for it
-        ends, before = time.monotonic() + 4.0, staying.client.received["odom"]
-        while time.monotonic() < ends:
-            time.sleep(0.1)
-            assert staying.present
-        assert watched.attempts, "by then it would have been opened again"
-        assert not lines
-        assert staying.client.received["odom"] > before
+        monkeypatch.setattr(watched, "may_run", ask)
+        before = staying.client.received["odom"]
+        assert wait_for(lambda: False in answers)
+        assert len(lines) == sum(answers)
+        assert wait_for(lambda: staying.present)
+        assert wait_for(lambda: staying.client.received["odom"] > before)
 
 
 def test_a_socket_without_connection_is_not_cut() -> None:
