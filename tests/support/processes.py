@@ -33,7 +33,7 @@ east = 4
 depth = 2
 [slave]
 listen = "tcp/127.0.0.1:{port}"
-step = 0.01
+step = {step}
 {slave}
 [link]
 {link}
@@ -52,7 +52,7 @@ def free_port() -> int:
 
 
 def write_scenario(
-    folder: Path, top: str = "", slave: str = "", link: str = "", allow: str = '"link_lost"'
+    folder: Path, top: str = "", slave: str = "", link: str = "", allow: str = '"link_lost"', step: float = 0.01
 ) -> tuple[Path, int]:
     """Write a short mission in the pool; return the file and its port.
 
@@ -60,7 +60,7 @@ def write_scenario(
     """
     port = free_port()
     path = folder / "short.toml"
-    path.write_text(SCENARIO.format(top=top, slave=slave, link=link, port=port, allow=allow))
+    path.write_text(SCENARIO.format(top=top, slave=slave, link=link, port=port, allow=allow, step=step))
     return path, port
 
 

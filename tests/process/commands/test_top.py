@@ -24,17 +24,10 @@ from tests.support.diagnostics import reported
 from tests.support.processes import Program, run_here, wait_for, write_scenario
 
 
-def write_usual_scenario(folder: Path) -> tuple[Path, int]:
-    """Write the scenario of other tests with the usual step, 400 a second; return the file and its port."""
-    path, port = write_scenario(folder)
-    path.write_text(path.read_text().replace("step = 0.01\n", ""))
-    return path, port
-
-
 @pytest.fixture(scope="module")
 def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     folder = tmp_path_factory.mktemp("top")
-    path, port = write_usual_scenario(folder)
+    path, port = write_scenario(folder, step=0.0025)
     with Program(folder, "slave", path) as program:
         program.expect("ready")
         yield port
@@ -87,7 +80,7 @@ def test_prometheus_listens_at_an_ipv6_address() -> None:
 
 
 def test_prometheus_shows_a_real_slave_until_it_ends(tmp_path: Path) -> None:
-    path, port = write_usual_scenario(tmp_path)
+    path, port = write_scenario(tmp_path, step=0.0025)
     with Program(tmp_path, "slave", path) as vehicle:
         vehicle.expect("ready")
         with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{port}", "--prometheus", "0") as top:
