@@ -32,7 +32,7 @@ north = 4
 east = 4
 depth = 2
 [slave]
-listen = "tcp/127.0.0.1:{port}"
+listen = "tcp/{host}:{port}"
 step = {step}
 {slave}
 [link]
@@ -52,15 +52,22 @@ def free_port() -> int:
 
 
 def write_scenario(
-    folder: Path, top: str = "", slave: str = "", link: str = "", allow: str = '"link_lost"', step: float = 0.01
+    folder: Path,
+    top: str = "",
+    slave: str = "",
+    link: str = "",
+    allow: str = '"link_lost"',
+    step: float = 0.01,
+    host: str = "127.0.0.1",
+    port: int = 0,
 ) -> tuple[Path, int]:
-    """Write a short mission in the pool; return the file and its port.
+    """Write a short mission in the pool; return the file and its port (a free one unless given).
 
     On a busy machine a slave may be delayed for longer than a second, which `allow` permits by default.
     """
-    port = free_port()
+    port = port or free_port()
     path = folder / "short.toml"
-    path.write_text(SCENARIO.format(top=top, slave=slave, link=link, port=port, allow=allow, step=step))
+    path.write_text(SCENARIO.format(top=top, slave=slave, link=link, host=host, port=port, allow=allow, step=step))
     return path, port
 
 

@@ -7,16 +7,15 @@ from pathlib import Path
 import pytest
 
 from tests.support.output_lines import Lines
-from tests.support.processes import SCENARIO
+from tests.support.processes import write_scenario
 from tools.faults.spaces import Network
 
 pytestmark = pytest.mark.netns
 
 
 def scenario(folder: Path, host: str) -> Path:
-    text = SCENARIO.format(top="", port=7447, slave="", link="", allow="").replace("127.0.0.1", host)
-    path = folder / "scenario.toml"
-    path.write_text(text + "[network]\ndiscovery = true\n")
+    path, _ = write_scenario(folder, allow="", host=host, port=7447)
+    path.write_text(path.read_text() + "[network]\ndiscovery = true\n")
     return path
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from hil.gateways.json_lines.connection import LOST_S
 from tests.support.output_lines import Lines
-from tests.support.processes import SCENARIO
+from tests.support.processes import write_scenario
 from tools.faults.spaces import Network
 
 pytestmark = pytest.mark.netns
@@ -36,8 +36,7 @@ DRIVE, SUBSCRIBE = '{"do": "drive", "surge": 0.4}', '{"do": "subscribe", "sensor
 def test_the_vehicle_stops_when_the_machine_of_its_client_is_disconnected(
     requests: tuple[str, ...], tmp_path: Path
 ) -> None:
-    scenario = tmp_path / "scenario.toml"
-    scenario.write_text(SCENARIO.format(top="", port=PORT, slave="", link="", allow=""))
+    scenario, _ = write_scenario(tmp_path, allow="", port=PORT)
     with (
         Network("boat", "shore") as network,
         closing(Lines(tmp_path / "slave")) as slave,

@@ -12,7 +12,7 @@ from hil.client.delay import quantiles
 from hil.ros.diagnostics import Diagnostics, or_nan
 from tests.support.busy import retried_when_busy
 from tests.support.output_lines import Lines
-from tests.support.processes import SCENARIO
+from tests.support.processes import write_scenario
 from tools.faults.spaces import Network
 
 pytestmark = pytest.mark.netns
@@ -23,9 +23,8 @@ ENDPOINT = "tcp/{}:7447"
 @retried_when_busy("figures of processes that have their turns")
 def test_commands_arrive_over_a_link_with_loss_and_jitter(tmp_path: Path) -> None:
     """The link loses 5 % of packets and delays 0 to 50 ms each way: commands are slower, but never late."""
-    text = SCENARIO.format(top="", port=7447, slave="", link="", allow="").replace("127.0.0.1", "0.0.0.0")
-    scenario, ending = tmp_path / "scenario.toml", tmp_path / "end"
-    scenario.write_text(text)
+    scenario, _ = write_scenario(tmp_path, allow="", host="0.0.0.0", port=7447)
+    ending = tmp_path / "end"
     ending.write_text("")
     with Network("slave", "master") as network, ExitStack() as stack:
         reported = {

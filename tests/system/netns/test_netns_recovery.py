@@ -15,7 +15,7 @@ import pytest
 from hil.ros.diagnostics import Diagnostics
 from tests.support.busy import retry_when_busy
 from tests.support.output_lines import Lines
-from tests.support.processes import SCENARIO
+from tests.support.processes import write_scenario
 from tools.faults.spaces import Network
 
 pytestmark = pytest.mark.netns
@@ -46,11 +46,10 @@ class Run:
         self.network, self.folder = network, folder
         folder.mkdir(parents=True)
         self.output: list[Lines] = []
-        self.scenario = folder / "scenario.toml"
-        text = SCENARIO.format(top="", port=PORT, slave="", link="", allow="").replace("127.0.0.1", "0.0.0.0")
+        self.scenario, _ = write_scenario(folder, allow="", host="0.0.0.0", port=PORT)
         if routed:
-            text += f'[network]\nmode = "routed"\nrouter = "tcp/{network.address("router")}:{PORT}"\n'
-        self.scenario.write_text(text)
+            router = f'[network]\nmode = "routed"\nrouter = "tcp/{network.address("router")}:{PORT}"\n'
+            self.scenario.write_text(self.scenario.read_text() + router)
         self.endpoint = f"tcp/{network.address('router' if routed else 'slave')}:{PORT}"
         self.ending = folder / "end"
         self.ending.write_text("")
