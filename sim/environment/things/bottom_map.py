@@ -66,14 +66,14 @@ class BottomMap:
         if not (-0.5 <= x < keys.rows - 0.5 and -0.5 <= y < keys.columns - 0.5):
             return UNKNOWN
         x, y = min(max(x, 0.0), keys.rows - 1.0), min(max(y, 0.0), keys.columns - 1.0)
-        row, column = min(int(x), max(keys.rows - 2, 0)), min(int(y), max(keys.columns - 2, 0))
+        row, column = int(x), int(y)
         u, v = x - row, y - column
         weights = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
         scores: dict[int, float] = {}
         for corner, weight in enumerate(weights):
-            node = min(row + corner // 2, keys.rows - 1) * keys.columns + min(column + corner % 2, keys.columns - 1)
-            code = self._bytes()[node]
-            scores[code] = scores.get(code, 0.0) + weight
+            if weight > 0.0:
+                code = self._bytes()[(row + corner // 2) * keys.columns + column + corner % 2]
+                scores[code] = scores.get(code, 0.0) + weight
         ragged = _border_waves(sin, x, y)
         return max(scores, key=lambda code: scores[code] + _wave_factor(code) * ragged)
 
@@ -86,19 +86,14 @@ class BottomMap:
         y = (np.asarray(east) - keys.east_min) / keys.resolution
         if not x.size:
             return np.zeros(x.shape, np.uint8)
-        extremes = x.min(), x.max() - keys.rows + 1, y.min(), y.max() - keys.columns + 1
-        outside = None
-        if min(extremes[::2]) < -0.5 or max(extremes[1::2]) >= 0.5:
-            outside = (x < -0.5) | (x >= keys.rows - 0.5) | (y < -0.5) | (y >= keys.columns - 0.5)
-            x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
-        window = grid[_nodes_around(x, keys.rows), _nodes_around(y, keys.columns)]
+        outside = (x < -0.5) | (x >= keys.rows - 0.5) | (y < -0.5) | (y >= keys.columns - 0.5)
+        x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
+        window = grid[_nodes_around(x), _nodes_around(y)]
         if window.size < x.size and (window == window[0, 0]).all():  # most often
             nearest = np.full(x.shape, window[0, 0])
         else:
-            x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
             nearest = _codes_at(grid, x.astype(np.float32), y.astype(np.float32))
-        if outside is not None:
-            nearest[outside] = UNKNOWN
+        nearest[outside] = UNKNOWN
         return nearest
 
     def echoes(self, north: Any, east: Any, bottom: Bottom | None) -> "Floats":
@@ -135,34 +130,32 @@ class BottomMap:
         return self._mapped
 
 
-def _nodes_around(positions: Any, count: int) -> slice:
-    """Return the range of nodes, of `count` along an axis, around positions (in nodes)."""
-    return slice(max(int(positions.min()), 0), min(int(positions.max()), count - 1) + 2)
+def _nodes_around(positions: Any) -> slice:
+    """Return the range of nodes around positions (in nodes) along an axis."""
+    return slice(int(positions.min()), int(positions.max()) + 2)
 
 
 def _codes_at(grid: "Codes", x: "Floats", y: "Floats") -> "Codes":
     """Return the code with the largest weight at each position (in nodes), which must be within the grid."""
     import numpy as np
 
-    rows, columns = grid.shape
-    row = np.minimum(x.astype(np.int32), max(rows - 2, 0))
-    column = np.minimum(y.astype(np.int32), max(columns - 2, 0))
-    first = row.astype(np.intp) * columns + column
-    to_east, to_north = int(columns > 1), columns * int(rows > 1)
-    corners = np.stack([grid.ravel().take(first + more) for more in (0, to_east, to_north, to_north + to_east)])
+    columns = grid.shape[1]
+    row, column = x.astype(np.intp), y.astype(np.intp)
+    first = row * columns + column
+    # Beyond the last row or column a corner's weight is 0, whatever its code.
+    corners = np.stack([grid.ravel().take(first + more, mode="clip") for more in (0, 1, columns, columns + 1)])
     result: Codes = corners[0].copy()
     mixed = (corners[1:] != result).any(axis=0)
     if mixed.any():
         mixed_corners, x, y = corners[:, mixed], x[mixed], y[mixed]
         u, v = x - row[mixed], y - column[mixed]
         weights = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
-        ragged, best, heaviest = _border_waves(np.sin, x, y), np.zeros(len(x), np.float32), mixed_corners[0].copy()
-        for code in np.flatnonzero(np.bincount(mixed_corners.ravel(), minlength=_CODES)):
+        ragged, scores = _border_waves(np.sin, x, y), []
+        present = np.flatnonzero(np.bincount(mixed_corners.ravel()))
+        for code in present:
             weight = sum(part * (corner == code) for part, corner in zip(weights, mixed_corners, strict=True))
-            score = np.where(weight > 0.0, weight + np.float32(_wave_factor(int(code))) * ragged, 0.0)
-            better = score > best
-            best[better], heaviest[better] = score[better], code
-        result[mixed] = heaviest
+            scores.append(np.where(weight > 0.0, weight + np.float32(_wave_factor(int(code))) * ragged, -np.inf))
+        result[mixed] = present[np.argmax(scores, axis=0)]
     return result
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.bottom import PROPERTIES, Bottom
+from sim.environment.things.bottom_map import _BORDER_WAVES
 from sim.environment.things.natures import NATURES
 from sim.environment.world import World, load_world
 from sim.sensors.imaging.camera.model import CameraModel
@@ -55,9 +56,36 @@ def test_a_border_is_the_line_of_equal_weight_and_ragged(tmp_path: Path) -> None
     assert not sand[:, :10].any()
     assert sand[:, -10:].all()
     assert np.abs(np.diff(border)).max() < 5.0
-    places = [(n, e) for n in np.arange(-80.0, 80.0, 3.7) for e in np.arange(-80.0, 80.0, 3.3)]
-    one_by_one = [kinds.code(float(n), float(e)) for n, e in places]
-    assert kinds.codes(*np.array(places).T).tolist() == one_by_one
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 4), (3, 1), (4, 3)])
+@pytest.mark.parametrize("kinds", [[4], [0, 1, 4, 9, 17]], ids=["one kind", "mixed"])
+def test_the_kind_with_the_largest_bilinear_weight_applies(
+    tmp_path: Path, rows: int, columns: int, kinds: list[int]
+) -> None:
+    """The waves of borders change weights, by a factor of each kind. The map reaches half a cell beyond its nodes."""
+    chance = np.random.default_rng(7)
+    grid = chance.choice(kinds, (rows, columns))
+
+    def expected(x: float, y: float) -> int:
+        if not (-0.5 <= x < rows - 0.5 and -0.5 <= y < columns - 0.5):
+            return 0
+        x, y = np.clip(x, 0, rows - 1), np.clip(y, 0, columns - 1)
+        weights = np.outer(*(np.clip(1.0 - abs(np.arange(n) - at), 0.0, 1.0) for n, at in ((rows, x), (columns, y))))
+        waves = sum(size * np.sin(2.0 * np.pi * (a * x + b * y)) for size, a, b in _BORDER_WAVES)
+        shares = {code: weights[grid == code].sum() for code in kinds}
+        return max(kinds, key=lambda code: shares[code] + np.sin(2.4 * code) * waves * (shares[code] > 0.0))
+
+    keys = f'file = "w.bottom"\nnorth_min = 8\neast_min = -3\nresolution = 4\nrows = {rows}\ncolumns = {columns}\n'
+    bottom_map = world_of(tmp_path, grid.ravel().tolist(), keys=keys).bottom_map
+    assert bottom_map is not None
+    nodes, within = np.argwhere(grid >= 0), chance.uniform(-0.9, (rows - 0.1, columns - 0.1), (300, 2))
+    places = np.concatenate([within, nodes - 0.5, nodes, nodes + 0.5])
+    norths, easts = 8.0 + 4.0 * places[:, 0], -3.0 + 4.0 * places[:, 1]
+    codes = [expected(x, y) for x, y in places]
+    assert bottom_map.codes(norths, easts).tolist() == codes
+    assert [bottom_map.code(north, east) for north, east in zip(norths.tolist(), easts.tolist(), strict=True)] == codes
+    assert bottom_map.codes(norths[:0], easts[:0]).size == 0
 
 
 def test_a_sonar_receives_more_from_rock_than_from_mud(tmp_path: Path) -> None:

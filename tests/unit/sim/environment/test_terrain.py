@@ -147,6 +147,9 @@ def test_a_world_file_can_have_a_terrain_file(tmp_path: Path) -> None:
     ("text", "message"),
     [
         (FILE, "bay.f32: no such file"),
+        (FILE.replace("terrain", "bottom_map"), "bay.f32: no such file"),
+        (FILE.replace("bay.f32", "mine.toml"), " bytes, but 3 x 4 depths are 48"),
+        (FILE.replace("terrain", "bottom_map").replace("bay.f32", "mine.toml"), " bytes, but 3 x 4 are 12"),
         ("[terrain]\n", "mine.toml: terrain: expected a table with either file"),
         ('terrain = "bay.f32"\n', "expected a table with either file"),
         ('[terrain]\nfile = "x"\nkind = "slope"\n', "expected a table with either file"),
