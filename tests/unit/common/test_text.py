@@ -6,7 +6,6 @@ from hil.common.columns import aligned
 from hil.common.tables import value_of
 from hil.common.text import clean, toml_text
 from hil.network.tokens import Presence, presence_key, read_presence
-from hil.slave import log
 from hil.slave.log import Log
 
 
@@ -40,35 +39,6 @@ def test_a_log_message_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     first, second = capsys.readouterr().err.splitlines()
     assert first.endswith("slave: master evil?[    0.000] slave: ready?]0;owned? is there")
     assert len(second) < 1100
-
-
-def test_a_flood_of_log_lines_is_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    now = [0]
-    monkeypatch.setattr(log, "now_ns", lambda: now[0])
-    written = Log("slave")
-    for number in range(5000):
-        written.write_line(f"line {number}")
-    written.flush()
-    assert len(capsys.readouterr().err.splitlines()) == log.MAX_LINES
-    now[0] += log.WINDOW_NS + 1
-    written.flush()
-    assert "4000 lines left out: more than 1000 in 10 s" in capsys.readouterr().err
-    written.write_line("calm again")
-    written.flush()
-    assert capsys.readouterr().err.splitlines()[0].endswith("calm again")
-
-
-def test_repeated_log_lines_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    now = [0]
-    monkeypatch.setattr(log, "now_ns", lambda: now[0])
-    written = Log("slave")
-    for text in (*["no answer"] * 200, "ready", *["no answer"] * 3):
-        written.write_line(text)
-    written.flush()
-    now[0] += log.WINDOW_NS + 1
-    written.flush()
-    texts = [line.partition("slave: ")[2] for line in capsys.readouterr().err.splitlines()]
-    assert texts == ["no answer", "199 times more: no answer", "ready", "no answer", "2 times more: no answer"]
 
 
 def test_presence_names_from_others_are_cleaned_and_shortened() -> None:
