@@ -26,10 +26,10 @@ class CommandMux:
         self._thrusters = thrusters
         self._hold_ns = hold_ns
         self._received: dict[str, tuple[Any, int]] = {}
-        self.fault = ""
 
     def decode(self, topic: str, payload: bytes) -> Any:
         """Return the decoded message; None if it is malformed or does not fit the vehicle."""
+        self.fault = ""
         decode = ros.decoder(topic)
         value = decode(payload) if decode else None
         if topic == "cmd_thrusters" and value is not None and len(value) != self._thrusters:

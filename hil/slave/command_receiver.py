@@ -222,7 +222,6 @@ class CommandReceiver:
             from hil.slave.command_mux import CommandMux  # not needed by most runs
 
             self._mux = CommandMux(self.thrusters, self._hold_ns)
-        self._mux.fault = ""
         value = self._mux.decode(topic, payload)
         self.fault = self._mux.fault or self.fault
         return velocity_of(value) if topic == "cmd_vel_stamped" else value

@@ -143,6 +143,15 @@ def test_an_invalid_command_is_counted_and_ignored(bench: Bench, topic: str, pay
     assert bench.command_receiver.master == b""
 
 
+def test_a_fault_is_that_of_the_last_command_that_was_rejected(bench: Bench) -> None:
+    for topic, payload in (("cmd_thrusters", encode_thrusts((1.0,) * 5)), ("cmd_depth", encode_number(3.0))):
+        bench.send(topic, payload)
+        assert bench.command_receiver.fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
+    bench.command_receiver.fault = "a later one"
+    bench.send("cmd_depth", encode_number(3.0))
+    assert bench.command_receiver.fault == "a later one"
+
+
 def test_a_pose_is_unchanged_by_conversion_to_enu_and_back() -> None:
     pose = PoseCommand((3.0, -4.0, 5.0), 2.2)
     back = DECODERS["cmd_pose"](encode_pose(pose, 123, "map"))
@@ -192,7 +201,7 @@ def test_the_newest_kind_of_command_applies() -> None:
     pose = PoseCommand((1.0, 2.0, 3.0), 0.5)
     assert mux.combine("cmd_depth", 4.0, 0) == VelocityCommand(depth=4.0)
     assert mux.combine("cmd_pose", pose, 1) == PoseSetpoint(pose)
-    assert mux.combine("cmd_vel", VelocityCommand(surge=1.0), 2) == VelocityCommand(surge=1.0, depth=4.0)
+    assert mux.combine("cmd_vel", VelocityCommand(surge=1.0), NS_PER_S) == VelocityCommand(surge=1.0, depth=4.0)
     assert mux.combine("cmd_vel", VelocityCommand(surge=1.0), NS_PER_S + 1) == VelocityCommand(surge=1.0)
 
 

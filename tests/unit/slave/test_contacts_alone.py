@@ -9,6 +9,7 @@ from typing import Any, cast
 import pytest
 
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.network.clock_offset import ClockOffset
 from hil.network.tokens import PING, PONG, NodeRole, Presence, clock_keys
 from hil.ros.diagnostics import Diagnostics
 from hil.slave import contacts as module
@@ -24,7 +25,7 @@ class Bed:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.handlers, self.answers, self.lines = dict[str, Any](), list[Any](), list[str]()
-        self.now, self.signals, self.checks = now_ns(), list[int](), list[Any]()
+        self.now, self.signals, self.checks, self.timers = now_ns(), list[int](), list[Any](), list[Any]()
         session: Any = SimpleNamespace(receive=self._receive)
         session.sender, session.free_links = lambda _: self.answers.append, lambda: self.lines.append("freed")
         for name in ("serve_last", "watch_presence", "declare_presence", "Supervisor"):
@@ -44,7 +45,8 @@ class Bed:
 
     def _timer(self, seconds: float, check: Any, arguments: Any) -> Any:
         assert seconds == TWIN_S
-        return SimpleNamespace(start=lambda: self.checks.append(lambda: check(*arguments)))
+        self.timers.append(SimpleNamespace(start=lambda: self.checks.append(lambda: check(*arguments))))
+        return self.timers[-1]
 
     def meet(self, role: NodeRole, ident: str, alive: bool = True, rank: int = 0) -> None:
         self.contacts._on_presence(Presence("uuv1", role, rank, ident, f"pc:{ident[:4]}"), alive)
@@ -70,6 +72,8 @@ def test_masters_come_with_their_rank_and_go_with_their_state(bed: Bed) -> None:
     bed.meet("observer", FIRST.hex())  # with the ident of a master, which it does not replace
     assert bed.receiver.ranks == {FIRST: 2, SECOND: 0}
     bed.receiver.master, bed.receiver._accepted_ns = FIRST, now_ns() + NS_PER_S
+    bed.receiver.clocks = {FIRST: ClockOffset()}
+    assert bed.figures.clock_offset_ms is None, "there was no exchange yet"
     bed.receiver.clocks = {FIRST: cast(Any, CLOCK)}
     figures = bed.figures
     assert (figures.commanded_by, figures.commander, figures.observers) == (FIRST.hex(), "pc:0001", 1)
@@ -134,6 +138,7 @@ def test_of_two_slaves_of_a_name_the_younger_ends(bed: Bed, age_ns: int, ahead_n
     for ident in (own, other):
         bed.meet("slave", ident)
     (check,) = bed.checks
+    assert bed.timers[0].daemon, "the end of the slave does not wait for it"
     bed.meet("slave", other, alive=False)
     check()
     assert (bed.contacts.conflict, bed.lines[2:]) == (None, []), "it has gone"

@@ -1,5 +1,6 @@
 """The slave's loop: what it calls in each step, whom it tells of changes, and how a lost link ends with it."""
 
+import os
 import threading
 from typing import Any, cast
 
@@ -124,6 +125,26 @@ def test_stamps_give_when_a_step_was_due_and_follow_skipped_steps_and_a_clock_th
     loop.advance_to(loop.schedule.deadline_ns)
     assert stamps.offset_ns == stamps.found_ns
     assert is_stamped_due()
+
+
+def test_the_last_trace_is_published_at_the_end(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    stop, source, vehicle.loop.started_ns = os.eventfd(1), Calls(), 0
+    monkeypatch.setattr(vehicle.loop.source, "finish", source.finish)
+    vehicle.loop.run(stop)
+    os.close(stop)
+    assert source.made == [("finish",)]
+    assert vehicle.loop.started_ns > 0, "figures count from there"
+
+
+def test_a_source_that_keeps_the_step_does_those_that_waited_for_its_answer(
+    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop, source = vehicle.loop, vehicle.loop.source
+    monkeypatch.setattr(source, "permitted_steps", lambda due: 3 + due)
+    for source.keeps_step, steps in ((False, 0), (True, 3)):
+        source.due_ns = 0
+        loop.serve_source(now_ns())
+        assert vehicle.simulation.time_ns == steps * STEP_NS
 
 
 def test_the_step_before_the_schedule_ends_now(vehicle: Vehicle) -> None:

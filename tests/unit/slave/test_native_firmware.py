@@ -12,11 +12,10 @@ from hil.common.clock import NS_PER_MS, now_ns
 from hil.links.contract import ThrusterCommand, ThrusterLink, Wire
 from hil.links.frame.protocol import open_frame
 from hil.scenario.config import load_scenario
-from hil.slave.drivers.driver import open_driver
 from hil.slave.drivers.in_process import open_python
 from hil.slave.native.firmware import FirmwareEnd
 from tests.support.flights.twins import EACH
-from tests.support.links.link_contract import await_answer, nothing_leaks
+from tests.support.links.link_contract import nothing_leaks
 
 pytestmark = pytest.mark.usefixtures("native")
 
@@ -125,19 +124,6 @@ def test_the_c_is_used_with_its_own_frame_only(monkeypatch: pytest.MonkeyPatch) 
         assert kind() is Stm32End
     monkeypatch.setenv("UUV_HIL_NATIVE", "0")
     assert kind() is Stm32End
-
-
-def test_without_c_the_slaves_stm32_behaves_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    reports = []
-    for wish in ("1", "0"):
-        monkeypatch.setenv("UUV_HIL_NATIVE", wish)
-        with nothing_leaks():
-            driver = open_driver("python", load_scenario("paper_field").link, 6, True, 1, lambda _: None)
-            driver.send(ThrusterCommand(7, True, (1600, 1400, 1500, 700, 2300, 1501)))
-            reports.append([report._replace(age_us=0) for report in await_answer(driver, 7)])
-            driver.close()
-    assert reports[0]
-    assert reports[0] == reports[1]
 
 
 def test_invalid_arguments_are_refused() -> None:

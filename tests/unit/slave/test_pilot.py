@@ -1,13 +1,16 @@
 """The vehicle's computer: deadman, disarming, and a closed loop with the simulator."""
 
-from math import pi
+from math import cos, pi, sin
 
 import pytest
 
 from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
 from hil.common.clock import NS_PER_MS
+from hil.common.errors import ConfigError
 from hil.common.schema import parse
-from hil.slave.pilot import Pilot, _drags
+from hil.scenario.config import load_scenario
+from hil.slave.pilot import Pilot, _drags, build_pilot
+from hil.slave.plant_model import plant_of
 from hil.slave.setpoints import Setpoint, ThrustSetpoint, WrenchSetpoint
 from sim.environment.seawater.pressure import ATMOSPHERE_PA, pressure_at
 from sim.environment.world import load_world
@@ -15,7 +18,9 @@ from sim.rotations import from_euler
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from sim.vehicle.thrusters.bank import SteadyThrusts
+from sim.vehicle.thrusters.model import Azimuth
+from sim.vehicle.vehicle import load_vehicle, mass_matrix
 
 VEHICLE, CONTROL = load_vehicle("paper_six")
 WORLD = load_world("pool")
@@ -133,6 +138,29 @@ def test_the_vehicle_follows_the_commands(command: VelocityCommand, axis: int) -
     assert nu[axis] == pytest.approx(target[axis], abs=0.05)
     others = [abs(nu[i]) for i in (0, 1, 2, 5) if i != axis]
     assert max(others) < 0.06
+
+
+def test_azimuth_thrusters_turn_to_where_the_force_is_wanted() -> None:
+    otter, control = load_vehicle("otter")
+    places = zip(otter.thrusters, (0.7, -0.8), strict=True)
+    thrusters = tuple([one._replace(position=(x, 0.0, 0.25), azimuth=Azimuth(pi)) for one, x in places])
+    pilot = build_pilot(load_scenario("paper_field"), otter._replace(thrusters=thrusters), control, WORLD)
+    pilot.set_command(WrenchSetpoint((10.0, 30.0, 0.0, 0.0, 0.0, 6.0)), 0)
+    *pushes, bow, stern = pilot.update(0, 0.02)[0].pwm_us
+    thrusts = [SteadyThrusts(one)[pulse] for one, pulse in zip(thrusters, pushes, strict=True)]
+    angles = [(pulse - 1500) / 400 * pi for pulse in (bow, stern)]
+    ahead, aside = ([thrust * f(angle) for thrust, angle in zip(thrusts, angles, strict=True)] for f in (cos, sin))
+    assert (sum(ahead), sum(aside), 0.7 * aside[0] - 0.8 * aside[1]) == pytest.approx((10.0, 30.0, 6.0), abs=0.5)
+
+
+def test_a_plant_weighs_and_floats_as_its_vehicle() -> None:
+    plant, mass = plant_of(VEHICLE, WORLD.density, WORLD.gravity), mass_matrix(VEHICLE)
+    lift = Simulation(VEHICLE, WORLD, {}, position=(0.0, 0.0, 2.0)).forces().restoring[2]
+    assert (plant.weight, plant.weight - plant.buoyancy) == pytest.approx((VEHICLE.mass * WORLD.gravity, lift))
+    assert plant.inertia == tuple([mass[axis][axis] for axis in range(6)])
+    lauv, control = load_vehicle("lauv")
+    with pytest.raises(ConfigError, match="a vehicle with fins is steered by the cascade"):
+        build_pilot(load_scenario("paper_field"), lauv, {**control, "family": "other"}, WORLD)
 
 
 @pytest.mark.parametrize("name", ["paper_six", "paper_seven", "bluerov2"])

@@ -15,6 +15,7 @@ from hil.ros.diagnostics import Diagnostics
 from hil.scenario.config import load_scenario
 from hil.slave import log as log_module
 from hil.slave import slave_recorder
+from hil.slave.health import machine_figures
 from hil.slave.health.machine_figures import add_machine_figures
 from hil.slave.health.reporter import Health, bytecode_compiled
 from hil.slave.log import MAX_LINES, WINDOW_NS, Log
@@ -23,7 +24,7 @@ from sim.vehicle.failures import Failure
 STEP_NS = 2_500_000
 FILES = {
     "proc/net/dev": "Inter-| Receive\n lo: 100 1 0 0 0 0 0 0 200 1\neth0: 30 1 0 0 0 0 0 0 4\n eth1: 5 1\n",
-    "proc/meminfo": "MemTotal: 9999 kB\nMemAvailable: 2048 kB\n",
+    "proc/meminfo": "MemTotal: 9999 kB\nMemAvailable: 4194304 kB\n",
     "sys/devices/system/cpu/cpu0/cpufreq/scaling_cur_freq": "1500000\n",
     "etc/systemd/system/uuv-hil-slave.service": "",
     "etc/systemd/system/uuv-hil-can.service": "",  # it prepares the board, and ends
@@ -31,7 +32,7 @@ FILES = {
 }
 
 
-def test_the_figures_of_a_machine_are_those_of_its_kernel(tmp_path: Path) -> None:
+def test_the_figures_of_a_machine_are_those_of_its_kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     figures = Diagnostics()
     add_machine_figures(figures, Tree(str(tmp_path)), None)
     assert (figures.cpu_mhz, figures.memory_available_mib, figures.services, figures.throttled) == (None,) * 4
@@ -43,8 +44,13 @@ def test_the_figures_of_a_machine_are_those_of_its_kernel(tmp_path: Path) -> Non
         add_machine_figures(figures, Tree(str(tmp_path)), None)
         assert figures.services == services
         (tmp_path / "etc/systemd/system/uuv-hil-web.service").touch()
-    assert (figures.cpu_mhz, figures.memory_available_mib) == (1500.0, 2.0)
+    assert (figures.cpu_mhz, figures.memory_available_mib) == (1500.0, 4096.0)
     assert (figures.network_received_bytes, figures.network_sent_bytes) == (130, 204)
+    hot: Any = lambda *_, ask_firmware: SimpleNamespace(now=() if ask_firmware else ("hot", "weak"), known=False)  # noqa: E731
+    monkeypatch.setattr(machine_figures, "throttling", hot)
+    monkeypatch.setattr(machine_figures, "temperature", lambda *_: 0.0)
+    add_machine_figures(figures, Tree(str(tmp_path)), None)
+    assert (figures.throttled, figures.temperature_c) == ("hot; weak", 0.0)
 
 
 def part(**members: Any) -> Any:

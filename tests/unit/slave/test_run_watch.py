@@ -5,7 +5,9 @@ from math import pi
 import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
+from hil.common.clock import now_ns, to_wall_ns
 from hil.ros.commands import PoseCommand
+from hil.ros.diagnostics import Diagnostics
 from hil.slave.run_watch import RunWatch
 from hil.slave.setpoints import PoseSetpoint
 from sim.run_events import PERIOD_NS
@@ -57,6 +59,10 @@ def test_a_lost_link_is_one_event_until_it_is_back(watched: Watched) -> None:
     (event,) = watched.simulation.events.events()
     assert event.duration_ns == pytest.approx(3e9, abs=2 * PERIOD_NS)
     assert watched.output == ["link lost: the thruster link, at N 4.0 E 4.0 depth 2.0 m"]
+    figures, before = Diagnostics(), to_wall_ns(now_ns()) - watched.simulation.time_ns
+    watched.watch.add_figures(figures)
+    (listed,) = figures.run_event_list or ()
+    assert before <= listed.start_ns - event.start_ns <= to_wall_ns(now_ns()) - watched.simulation.time_ns
 
 
 def test_a_loss_between_two_checks_is_recorded(watched: Watched) -> None:

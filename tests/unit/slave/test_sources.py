@@ -168,6 +168,30 @@ def test_what_an_autopilot_waits_for_and_what_it_has_opened(flown: Flown, monkey
     assert closed == [True]
 
 
+def test_samples_and_steps_reach_the_autopilot_whose_figures_are_reported(flown: Flown) -> None:
+    port, autopilot, figures, made = flown.port, flown.autopilot, Diagnostics(), list[Any]()
+    names = "packets", "duplicates", "malformed", "lost", "resets", "stalls", "silences", "steps_held"
+    counted: Any = {"outputs" if name == "packets" else name: number for number, name in enumerate(names)}
+    vars(autopilot).update(
+        figures=SimpleNamespace(**counted), silences=6, outputs=AHEAD, map=SimpleNamespace(frame="x")
+    )
+    for name in ("update_sensor", "move_accessories", "advance"):
+        setattr(autopilot, name, lambda *arguments: made.append(arguments))
+    simulation: Any = SimpleNamespace(time_ns=8, truth=lambda: 9)
+    port.update_sensor("imu", 7)
+    port.end_step(simulation, True)
+    assert made == [("imu", 7), (simulation,), (8, 9)]
+    port.held_steps, autopilot.estimate = 7, cast(Any, SimpleNamespace(add_figures=made.append))
+    for delay_ms in [6] * 98 + [90] * 2:
+        port.delay.add(delay_ms * NS_PER_MS)
+    port.add_figures(figures)
+    assert made[3:] == [figures]
+    assert [int(figures[f"autopilot_{name}"]) for name in names] == list(range(8))
+    assert (figures.autopilot, figures.autopilot_connected, figures.autopilot_outputs) == ("ArduPilot", True, AHEAD)
+    assert (figures.autopilot_frame, figures.controller) == ("x", "autopilot")
+    assert (figures.autopilot_delay_p50_ms, figures.autopilot_delay_p99_ms) == pytest.approx((6.0, 90.0), rel=0.2)
+
+
 # --- the pilot
 
 
@@ -176,6 +200,7 @@ class Pilot:
 
     active, trips, deadman_trips, requested_depth = False, False, 3, 4.0
     failed_thrusters: tuple[str, ...] = ()
+    unwatched_thrusters: tuple[str, ...] = ()
 
     def __init__(self) -> None:
         self.steps: list[float] = []
@@ -262,6 +287,41 @@ def test_a_stop_is_confirmed_by_a_neutral_report_after_it() -> None:
     for _ in range(2):
         led.source.handle_telemetry([led.driver.newest], 5 * NS_PER_S + 30 * NS_PER_MS)
     assert led.lines[1:] == ["thrusters neutral: confirmed by the STM32 30 ms after the deadman"]
+
+
+def test_traces_leave_with_the_next_sample_or_after_50_ms_and_the_last_at_the_end() -> None:
+    led = Led()
+
+    def execute(number: int) -> list[int]:
+        """Let the STM32 carry out a command; return the numbers of the traces that have left."""
+        led.waiting.append(Received(VelocityCommand(surge=1.0), number, 7, now_ns()))
+        led.source.serve(now_ns())
+        led.source.handle_telemetry([report(led.driver.sent[-1].sequence)], now_ns())
+        return [trace.sequence for trace in led.traces]
+
+    def end_step(time_ms: int, has_sent: bool = False) -> list[int]:
+        led.source.end_step(cast(Any, SimpleNamespace(time_ns=time_ms * NS_PER_MS)), has_sent)
+        return [trace.sequence for trace in led.traces]
+
+    assert (execute(1), execute(2), end_step(10), end_step(11, has_sent=True)) == ([], [], [], [1, 2])
+    assert (execute(3), end_step(50), execute(4), end_step(60), end_step(61)) == (
+        [1, 2], [1, 2], [1, 2], [1, 2], [1, 2, 3, 4]
+    )  # fmt: skip
+    execute(5)
+    led.source.finish()
+    led.source.finish()
+    assert [trace.sequence for trace in led.traces] == [1, 2, 3, 4, 5]
+    trace = led.traces[0]
+    instants = [trace.received_ns, trace.taken_ns, trace.computed_ns, trace.written_ns, trace.applied_ns]
+    assert (trace.published_ns, instants) == (7, sorted(instants))
+
+
+def test_the_figures_name_thrusters_that_fail_and_those_without_telemetry() -> None:
+    led, figures = Led(), Diagnostics()
+    led.pilot.active, led.pilot.failed_thrusters, led.pilot.unwatched_thrusters = True, ("port", "bow"), ("stern",)
+    led.source.add_figures(figures)
+    assert (figures.thrusters_failed, figures.thrusters_unwatched) == ("port, bow", "stern")
+    assert led.source.problem().startswith("failed: port, bow: ")
 
 
 def test_commands_without_an_echo_count_after_a_second_and_their_numbers_wrap() -> None:

@@ -26,7 +26,7 @@ from hil.slave.pilot import build_pilot
 from hil.slave.pilot_source import PilotSource
 from hil.slave.ros import services
 from sim.environment.world import load_world
-from sim.rotations import from_euler, to_euler
+from sim.rotations import to_euler
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.links.link_contract import PATIENCE_S
@@ -239,30 +239,6 @@ def test_a_thruster_fails_and_is_repaired(vehicle: Vehicle) -> None:
     assert vehicle.output == [f"thruster: {name} is off", f"thruster: {name} is repaired"]
 
 
-def test_a_parameter_makes_a_thruster_fail(vehicle: Vehicle) -> None:
-    """A parameter sets half of the thrust, none, then all of it."""
-    name = vehicle.simulation.vehicle.thrusters[0].name
-
-    def thrust_with(text: str) -> float:
-        value = {"type": 4, "string_value": text}
-        response = vehicle.server.call(
-            "/uuv1/set_parameters", {"parameters": [{"name": f"failures.{name}", "value": value}]}
-        )
-        assert response == {"results": [{"successful": True, "reason": ""}]}
-        for _ in range(400):  # until the lag has passed
-            vehicle.simulation.step((1700,) * len(vehicle.simulation.vehicle.channels))
-        return vehicle.simulation.thrusts[0]
-
-    full_thrust = thrust_with("")
-    assert full_thrust > 1.0
-    assert thrust_with("kind = efficiency, efficiency = 0.5") == pytest.approx(0.5 * full_thrust)
-    assert thrust_with("kind = off") == pytest.approx(0.0, abs=1e-6)
-    assert thrust_with("") == pytest.approx(full_thrust)
-    assert vehicle.output[-2:] == [
-        f'parameter: failures.{name}: kind = "off"', f"parameter: failures.{name}: nothing is wrong"
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize("name", ["a", "upper starboard fin", "7", "ü-1", "T_1"])
 def test_thruster_names_are_valid_ros_names(name: str) -> None:
     plain = plain_name(name)
@@ -279,13 +255,6 @@ def test_set_pose_accepts_enu_and_a_velocity_in_world_axes(vehicle: Vehicle) -> 
     assert state.nu == pytest.approx([0.7, 0.0, -0.1, 0.0, 0.0, -0.2], abs=1e-12)
     vehicle.run(40)
     assert vehicle.simulation.state.position[0] > 1.02
-
-
-def test_set_pose_accepts_any_heading(vehicle: Vehicle) -> None:
-    vehicle.server.call("/uuv1/set_pose", pose(2.0, 2.0, -4.0, yaw=0.3, twist={"linear": {"x": 1.0}}))
-    state = vehicle.simulation.state
-    assert state.quaternion == pytest.approx(from_euler(0.0, 0.0, math.pi / 2 - 0.3))
-    assert state.nu[:2] == pytest.approx([math.cos(0.3), math.sin(0.3)])  # eastwards, off the bow to starboard
 
 
 @pytest.mark.parametrize("name", VEHICLES)
