@@ -210,8 +210,6 @@ def _make_poses_local(link: Element, name: str, pose: Pose, scope: _Scope, path:
         frame = relative_to(child, name)
         pose_element = child.find("pose")
         if frame != name and pose_element is not None:
-            if frame not in scope.frames and frame not in (MODEL, ""):
-                raise ConfigError(f"{path}: a pose is relative to {frame!r}, which is not there")
             within = pose.inverse().then(resolve(frame, scope.frames, path)).then(own_pose(child, path))
             written = " ".join(repr(x) for x in (*within.position, *within.angles()))
             child.remove(pose_element)

@@ -38,7 +38,7 @@ def read_fins(
         link = child_text(plugin, "link_name", "linkName")
         if not any(part in file for part in _FILES) or not link:
             continue
-        name = plain(link.rsplit("/", 1)[-1].rsplit("::", 1)[-1])
+        name = plain(link.rpartition("/")[2].rpartition("::")[2])
         if name in reported:
             continue
         reported.add(name)

@@ -150,7 +150,7 @@ def _table(model: _Model, tree: Tree, hull: str) -> dict[str, Any]:
     table |= _mass(robot, poses, path, notes) | add_up(waters, poses, tree, hull, notes)
     table |= read_buoyancy_engine(robot, poses, path) | read_munk_share(robot, notes)
     mass = convert(user_keys["mass"], _MASS, f"{path}: mass") if "mass" in user_keys else table.get("mass")
-    if table.pop("neutral", False) and mass is not None:
+    if table.pop("neutral") and mass is not None:
         table["neutrally_buoyant"] = True
         table.setdefault("volume", mass / 1000.0)
     if "mass" in user_keys and "inertia" in table and "inertia" not in user_keys:

@@ -131,8 +131,6 @@ def _error(element: Element | None, path: str, factor: float = 1.0) -> Keys:
     sqrt(tau / 2).
     """
     noise = _inner(element, "noise") if element is not None else None
-    if noise is None:
-        return {}
     tau = _number(noise, path, "dynamic_bias_correlation_time")
     walk = _number(noise, path, "dynamic_bias_stddev")
     keys = {
@@ -181,8 +179,6 @@ def _laser(sensor: Element, path: str) -> Keys:
 
 def _camera(sensor: Element, path: str) -> Keys:
     camera = _inner(sensor, "camera")
-    if camera is None:
-        return {}
     field, far = _number(camera, path, "horizontal_fov"), _number(camera, path, "clip/far")
     sizes = {key: _number(camera, path, f"image/{key}") for key in ("width", "height")}
     keys: Keys = {key: min(max(int(size), 1), 4096) for key, size in sizes.items() if size}

@@ -64,7 +64,7 @@ def _pose(joint: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any
         raise ConfigError(f"{path}: the link {target(joint, 'child')!r} of a thruster is not there")
     axis = numbers_of(attribute(joint, "axis", "xyz", "1 0 0"), path, 3)
     return {
-        "name": plain(target(joint, "child").rsplit("/", 1)[-1].rsplit("::", 1)[-1]).removesuffix("_link"),
+        "name": plain(target(joint, "child").rpartition("/")[2].rpartition("::")[2]).removesuffix("_link"),
         "position": to_frd(pose.position),
         "direction": to_frd(pose.rotate(axis)),
     }

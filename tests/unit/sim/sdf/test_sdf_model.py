@@ -1,5 +1,6 @@
 """Import of Gazebo's SDF: frames resolved, plugin values in our signs and axes, the rest reported by name."""
 
+from contextlib import nullcontext
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,11 @@ import pytest
 from hil.common.errors import ConfigError
 from sim.matrices import square
 from sim.sdf.as_urdf import as_urdf
-from sim.sdf.files import SdfFiles
+from sim.sdf.files import MAX_FILES, SdfFiles
+from sim.sdf.model import models_of
 from sim.sensors.sensor_set import read_sensors
 from sim.vehicle.urdf.importer import Imported, read_robot
+from sim.vehicle.urdf.ros_packages import find_packages
 
 OTTER = Path(__file__).parents[3] / "vectors" / "otter"
 MODEL = OTTER / "otter" / "model.sdf"
@@ -98,17 +101,18 @@ def test_a_model_that_faces_its_own_minus_x_is_turned() -> None:
     water = {"volume": 0.02, "dimensions": [1.0, 0.2, 0.2], "center_of_buoyancy": [0.0, 0.0, 0.0]}
     limits = {"every_thruster": {"max_forward": 9.0, "max_reverse": 9.0}}
     vehicles, notes = [], []
-    for values in ((0.1, 0.02, 0.01, -0.5, 1, 0.3, "true"), (-0.1, -0.02, 0.01, 0.5, -1, -0.3, "false")):
+    stern, bow = (0.1, 0.02, 0.01, -0.5, 1, 0.3, "true"), (-0.1, -0.02, 0.01, 0.5, -1, -0.3, "false")
+    for values in (stern, bow, (*stern[:3], 0.5, *stern[4:])):  # the last one pulls at the bow
         found = read_robot(fromstring(text.format(*values)), "r.urdf", water | limits)
         vehicles.append(found.vehicle)
         notes.append(" ".join(found.notes))
-    ahead, astern = vehicles
-    assert ["faces its own -x" in each for each in notes] == [False, True]
+    ahead, astern, _ = vehicles
+    assert ["faces its own -x" in each for each in notes] == [False, True, False]
     assert astern.thrusters[0].position == pytest.approx((-0.5, 0.0, 0.0))
     assert astern.thrusters[0].direction == pytest.approx((1.0, 0.0, 0.0))
     for key in ("center_of_gravity", "inertia", "added_mass", "quadratic_damping"):
         assert getattr(astern, key) == pytest.approx(getattr(ahead, key))
-    assert [each.munk_share for each in vehicles] == [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]
+    assert [each.munk_share for each in (ahead, astern)] == [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]
 
 
 def test_buoyancy_is_from_collisions_and_size_from_visuals() -> None:
@@ -133,7 +137,7 @@ def test_a_fin_turns_about_its_joint_axis() -> None:
 
 @pytest.mark.parametrize("version", ["1.5", "1.10", "1.12"])
 def test_an_axis_is_in_the_joint_frame_since_version_1_5(version: str) -> None:
-    text = MODEL.read_text().replace('version="1.7"', f'version="{version}"')
+    text = MODEL.read_text().replace('version="1.7"', f'xmlns:gz="any" version="{version}"')
     assert f'version="{version}"' in text
     assert imported(text=text).vehicle.fins == imported().vehicle.fins
     older = text.replace(f'version="{version}"', 'version="1.4"')
@@ -179,13 +183,56 @@ def test_the_vehicle_of_a_world_may_be_included() -> None:
         imported(OTTER / "bay.sdf", model="nobody")
 
 
+def model_of(name: str, inside: str = "", link: str = '<link name="l"/>') -> str:
+    return f'<model name="{name}">{inside}{link}</model>'
+
+
+@pytest.mark.parametrize(
+    ("inside", "chosen"),
+    [
+        (model_of("quay", "<static>1</static>"), "quay"),
+        (model_of("quay", "<static>1</static>") + model_of("auv"), "auv"),
+        (model_of("buoy", '<plugin filename="pose"/>') + model_of("auv", '<plugin filename="Thruster"/>'), "auv"),
+        (f"<world>{model_of('a')}{model_of('b')}<state><deletions><name>a</name></deletions></state></world>", "b"),
+        (model_of("auv", link=""), "the model 'auv' has no links"),
+        (model_of("a", "<frame name='f'><pose relative_to='g'/></frame><link name='m'><pose relative_to='f'/></link>"),
+         "relative to 'g', which is not there"),
+        (model_of("a", "<link name='m'><visual><pose relative_to='g'>0 0 0 0 0 0</pose></visual></link>"),
+         "relative to 'g', which is not there"),
+        (model_of("m", "<joint name='j'><parent>l</parent><child>no</child><axis/></joint>"
+                  "<joint type='fixed'><parent>l</parent><child>l</child></joint>"), "m"),
+        (model_of("m") * 2, "2 vehicles in it that could be meant; give --model NAME, one of: m, m"),
+        ("<model name='m'>" * 9 + '<link name="l"/>' + "</model>" * 9, "m"),
+        ("<model name='m'>" * 10 + "</model>" * 10, "models in each other, more than 8 deep"),
+    ],
+)  # fmt: skip
+def test_the_vehicle_is_the_only_model_that_moves(inside: str, chosen: str) -> None:
+    with pytest.raises(ConfigError, match=chosen) if " " in chosen else nullcontext():
+        assert as_urdf("m.sdf", [], None, f"<sdf>{inside}</sdf>".encode()).get("name") == chosen
+
+
+def test_a_joint_that_holds_the_hull_is_taken_as_fixed() -> None:
+    """Without water the hull is the canonical link. A joint without a direction turns about z."""
+    shapes = "".join(f"<collision><geometry><{kind}/></geometry></collision>" for kind in ("empty", "plane"))
+    joint = '<joint name="j" type="revolute"><parent>a</parent><child>b</child><axis/></joint>'
+    model = f'<model canonical_link="b"><link name="a">{shapes}</link><link name="b"/>{joint}</model>'
+    notes: list[str] = []
+    robot = as_urdf("m.sdf", notes, None, f"<sdf>{model}</sdf>".encode())
+    assert [joint.get("name") for joint in robot.findall("joint")] == ["a_joint"]
+    assert notes[1:] == [
+        "Left out: the shape <plane> of the link 'a'.",
+        "The joint 'j' holds the link 'b', on which the water acts: taken as fixed.",
+    ]
+
+
 def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:
     """The plugins of an included model follow, as in PX4's models."""
     for merge, link in (("true", "hull"), ("false", "otter::hull")):
         text = (
             f'<sdf version="1.9"><model name="m"><include merge="{merge}"><uri>model://otter</uri>'
-            f'<pose>0 0 1 0 0 1.5707963267948966</pose></include><link name="box"><pose relative_to="{link}">'
-            "1 0 0 0 0 0</pose><inertial><mass>20.5</mass></inertial></link></model></sdf>"
+            '<pose degrees="1">0 0 1 0 0 90</pose></include><link name="b"><pose degrees="1">0 3 0 0 0 90</pose>'
+            f'<inertial><pose relative_to="{link}" rotation_format="quat_xyzw">1 0 0 0 0 0 1</pose><mass>20.5</mass>'
+            "</inertial></link></model></sdf>"
         )
         vehicle = imported(OTTER / "m.sdf", text).vehicle
         assert vehicle.thrusters[0].position == pytest.approx((-0.65, 0.0, 0.0), abs=1e-9)
@@ -193,16 +240,48 @@ def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:
         assert vehicle.center_of_gravity[0] == pytest.approx(0.5 * (1.0 - 0.65 * 0.5 / 20.5))
 
 
-@pytest.mark.parametrize("version", ["/tip", "/3", ""])
+@pytest.mark.parametrize("version", ["/tip", "/12", ""])
 def test_files_of_a_fuel_model_are_found_in_its_download_folder(
     version: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
-    mesh = tmp_path / ".gz/fuel/fuel.gazebosim.org/somebody/models/a buoy/3/meshes/buoy.dae"
-    mesh.parent.mkdir(parents=True)
-    mesh.touch()
+    mesh = tmp_path / ".gz/fuel/fuel.gazebosim.org/somebody/models/a buoy/12/meshes/buoy.dae"
+    for file in (mesh.parents[2] / "3/meshes/buoy.dae", mesh):
+        file.parent.mkdir(parents=True)
+        file.touch()
     uri = f"https://fuel.gazebosim.org/1.0/Somebody/models/A%20Buoy{version}/files/meshes/buoy.dae"
     assert SdfFiles(str(tmp_path / "world.sdf")).find(uri, str(tmp_path)) == str(mesh)
+
+
+def test_a_model_is_the_file_of_its_newest_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is found by the variable or near the file; an include may move it, and must not include itself."""
+    monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", str(tmp_path / "shared"))
+    versions = '<sdf>c</sdf><sdf version="1.9">a.sdf</sdf><sdf version="1.10">b.sdf</sdf>'
+    again, pose = "<include><uri>model://auv</uri>{}</include>", "<pose>{} 9 9 0 0 0</pose>"
+    for name, text in {
+        "auv/model.config": versions, "auv/model.sdf": "", "auv/b.sdf": model_of("b", again.format("")),
+        "auv/a.sdf": model_of("a", pose.format(9)), "deep/rov/a.stl": "",
+    }.items():  # fmt: skip
+        file = tmp_path / ("shared" if "auv" in name else "a/near") / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text if "config" in name else f"<sdf>{text}</sdf>")
+    folder = str(tmp_path / "a/b/c")  # four folders are searched
+    files = SdfFiles(f"{folder}/m.sdf")
+    for uri, chosen in (("model://auv", "b"), ("auv/a.sdf", "a"), (f"file://{tmp_path}/shared/auv", "b")):
+        root, _ = files.read_model(uri, folder) or pytest.fail(uri)
+        assert root[0].get("name") == chosen
+    (tmp_path / "a/near/loop").symlink_to(tmp_path)
+    assert list(find_packages("rov", files.path)) == [str(tmp_path / "a/near/deep/rov")]
+    assert files.find("rov/a.stl", folder) == str(tmp_path / "a/near/deep/rov/a.stl")
+    placed = again.replace("model://auv", "auv/a.sdf").format("<static>1</static>" + pose.format(1))
+    (model,) = models_of(fromstring(f"<sdf>{placed}</sdf>"), folder, files, [], "1.9")
+    assert (model.is_static, model.pose.position) == (True, (1.0, 9.0, 9.0))
+    with pytest.raises(ConfigError, match="models in each other"):
+        models_of(fromstring(f"<sdf>{again}</sdf>"), folder, files, [], "1.9")
+    for _ in range(13, MAX_FILES):
+        assert files.read_model("model://sun", folder)
+    with pytest.raises(ConfigError, match="includes more than 500 models"):
+        files.read_model("model://sun", folder)
 
 
 def test_files_outside_of_the_models_folders_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

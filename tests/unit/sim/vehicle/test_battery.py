@@ -1,7 +1,6 @@
 """The battery: the circuit with its load, energy balance, voltage sag, and wrong tables."""
 
 import math
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,6 @@ import pytest
 from hil.common.errors import ConfigError
 from hil.common.schema import parse
 from sim.assembly import make_thrusters
-from sim.environment.world import load_world
-from sim.simulation import Simulation
 from sim.vehicle.battery import Battery, BatteryPack
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters.t200 import VOLTS, performance
@@ -140,26 +137,6 @@ def test_voltage_sag_cuts_off_permanently_after_its_delay(key: str, seconds: flo
     assert thrusters.battery is not None
     assert thrusters.thrusts == [0.0] * 6
     assert thrusters.battery.current == 0.0
-
-
-def test_the_charge_falls_during_a_run(tmp_path: Path) -> None:
-    """The charge falls, the same run gives the same numbers, and a vehicle without a battery has no state."""
-    vehicle, _ = load_vehicle(vehicle_file(tmp_path, TOML.replace("266.0", "2.0")))
-    rides = []
-    for _ in range(2):
-        simulation = Simulation(vehicle, load_world("paper_field"), position=(0.0, 0.0, 3.0))
-        voltages = []
-        for _ in range(2000):
-            simulation.step((1700,) * 6)
-            assert simulation.battery is not None
-            voltages.append(simulation.battery)
-        rides.append(voltages)
-    assert rides[0] == rides[1]
-    fractions = [state.fraction for state in rides[0]]
-    assert all(b < a for a, b in pairwise(fractions))
-    assert rides[0][-1].voltage < rides[0][0].voltage
-    plain = Simulation(load_vehicle("paper_six")[0], load_world("paper_field"), position=(0.0, 0.0, 3.0))
-    assert plain.battery is None
 
 
 @pytest.mark.parametrize(

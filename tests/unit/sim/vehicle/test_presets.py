@@ -42,6 +42,7 @@ def matrix_of(name: str) -> list[list[float]]:
 def test_every_preset_stays_still_and_stable_under_thrust(name: str) -> None:
     """Neutral pulses leave it within its trim; full thrust on every channel keeps its motion bounded."""
     vehicle, _ = load_vehicle(name)
+    assert vehicle.name == name
     world = load_world("paper_field")._replace(cylinder=(), box=())
     start = (5.0, 5.0, 0.0 if vehicle.hull else 4.0)
     resting = Simulation(vehicle, world, position=start)

@@ -9,7 +9,7 @@ from hil.autonomy.control.allocation import Allocator, pseudo_inverse
 from hil.common.schema import preset_names
 from sim.dynamics import Dynamics, State
 from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities, terminal_speed
-from sim.vehicle.thrusters.bank import ThrusterSet, pulse_finder, wrench_matrix
+from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 HEAVY, _ = load_vehicle("bluerov2_heavy")
@@ -85,18 +85,6 @@ def test_a_run_settles_at_the_terminal_speed(name: str, axis: int, direction: in
     thrusts = allocated_thrusts(vehicle, axis, reach.force[direction])
     wrench = [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in wrench_matrix(vehicle)]
     assert settled_speed(vehicle, axis, lambda: wrench) == pytest.approx(reach.speed[direction], rel=0.001)
-
-
-@pytest.mark.parametrize("axis", [0, 2])
-def test_a_run_by_pulses_settles_at_the_terminal_speed(axis: int) -> None:
-    """The chain is complete: whole microseconds, the thrusters' curve and their lag."""
-    vehicle, _ = load_vehicle("paper_seven")
-    reach, thrusters = top_speeds(vehicle)[axis], ThrusterSet(vehicle, 0.02)
-    pulses = [
-        pulse_finder(t)(f)
-        for t, f in zip(vehicle.thrusters, allocated_thrusts(vehicle, axis, reach.force[0]), strict=True)
-    ]
-    assert settled_speed(vehicle, axis, lambda: thrusters.step(pulses)) == pytest.approx(reach.speed[0], rel=0.001)
 
 
 def test_a_force_above_the_stated_limit_leaves_a_residual() -> None:

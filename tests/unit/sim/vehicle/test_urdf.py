@@ -163,12 +163,14 @@ def test_a_plain_urdf_needs_only_names(tmp_path: Path) -> None:
         '<inertia ixx="1" iyy="1" izz="1"/>'
         "<fluid_added_mass><xx>2</xx><yy>3</yy><zz>4</zz><pp>.1</pp><qq>.1</qq><rr>.1</rr><yr>.2</yr></fluid_added_mass>"
         '</inertial></link><link name="thruster_a"/><joint name="j" type="continuous"><parent link="base"/>'
-        '<child link="thruster_a"/></joint></robot>'
+        '<child link="thruster_a"/><limit/></joint><link name="thruster_arm"/><joint name="k" type="revolute">'
+        '<parent link="base"/><child link="thruster_arm"/><limit/></joint></robot>'
     )
     extra = KEYS | {"linear_damping": [1.0] * 6, "quadratic_damping": [2.0] * 6}
     vehicle, notes = read_urdf(str(path), extra)
     assert notes == ["No thruster plugin: every turning joint of a link named thruster is one."]
-    assert vehicle.thrusters[0].direction == (1.0, 0.0, 0.0)  # the axis of a URDF joint that gives none
+    (thruster,) = vehicle.thrusters  # the arm has a limit
+    assert thruster.direction == (1.0, 0.0, 0.0)  # the axis of a URDF joint that gives none
     added = square(vehicle.added_mass, 6)
     assert added[1][5] == added[5][1] == 0.2
     (tmp_path / "p.toml").write_text(to_toml(vehicle, notes))
@@ -215,6 +217,7 @@ def test_given_keys_that_are_no_tables_are_reported(given: dict[str, Any]) -> No
         read_urdf(str(VECTORS / "hydra.urdf"), given)
 
 
+JOINT = '<joint name="j"><origin xyz="1 2"/><parent link="b"/><child link="c"/>'
 BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
 
 
@@ -239,7 +242,13 @@ BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
             "link 'b': <inertial>: <mass value>: expected a number, found 'nan'",
         ),
         (f'<robot>{BASE}<plugin filename="thruster"><jointName>x</jointName></plugin></robot>', "the joint 'x'"),
-        (f"<robot>{BASE}</robot>", "[[thrusters]]"),
+        (f'<robot>{BASE}<link name="c"/>{JOINT}</joint></robot>', "expected 3 numbers, found '1 2'"),
+        (
+            f'<robot>{BASE}{JOINT}</joint><plugin filename="thruster"><jointName>j</jointName></plugin></robot>',
+            "the link 'c' of a thruster is not there",
+        ),
+        (f"<robot>{BASE}{63 * '<a>'}{63 * '</a>'}</robot>", "[[thrusters]]"),
+        (f"<robot>{64 * '<a>'}", "elements in each other, more than 64 deep, at <a>"),
     ],
 )
 def test_wrong_files_are_reported(text: str, message: str, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hil.common.errors import ConfigError
 from sim.matrices import square
 from sim.vehicle.urdf.hull import Tree, moved
 from sim.vehicle.urdf.importer import Imported, read_robot
@@ -33,7 +34,8 @@ GAZEBO = """<gazebo><plugin filename="gz-sim-hydrodynamics-system"><link_name>ba
 ARM = """<link name="arm"><inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>
 <joint name="aj" type="revolute"><origin xyz="0.5 0 -0.1"/><parent link="base_link"/><child link="arm"/></joint>"""
 ARM_WATER = """<gazebo><plugin filename="libuuv_underwater_object_ros_plugin.so"><link name="arm">
-<volume>0.0015</volume><hydrodynamic_model><type>fossen</type><added_mass>1 2 2 0 0 0</added_mass>
+<volume>0.0015</volume><box><length>9</length><width>9</width><height>9</height></box>
+<hydrodynamic_model><type>fossen</type><added_mass>1 2 2 0 0 0</added_mass>
 <quadratic_damping>-5 -9 -9 0 0 0</quadratic_damping></hydrodynamic_model></link></plugin></gazebo>"""
 MATRICES = {"inertia": 3, "added_mass": 6, "linear_damping": 6, "quadratic_damping": 6}
 
@@ -49,6 +51,20 @@ def on(root: str, origin: str) -> str:
 
 def matrix(vehicle: Vehicle, key: str) -> NDArray[np.float64]:
     return np.array(square(getattr(vehicle, key), MATRICES[key]))
+
+
+@pytest.mark.parametrize(
+    ("parts", "missing"),
+    [
+        ((HULL, THRUSTER, UUV.replace("volume>", "none>")), "volume"),  # that of collisions is only Gazebo's
+        ((HULL.replace("collision>", "none>"), THRUSTER, GAZEBO), "volume, dimensions, center_of_buoyancy"),
+        ((HULL, ARM, THRUSTER, ARM_WATER.replace("box>", "none>").replace("fossen", "cylinder")), "<radius>"),
+        ((HULL, THRUSTER, '<plugin filename="hydrodynamics"/>'), "added_mass, linear_damping, quadratic_damping"),
+    ],
+)
+def test_what_no_tag_gives_is_missing(parts: tuple[str, ...], missing: str) -> None:
+    with pytest.raises(ConfigError, match=f"does not say {missing}: write"):
+        imported(*parts)
 
 
 @pytest.mark.parametrize("water", [UUV, GAZEBO])
@@ -116,6 +132,11 @@ def test_links_in_the_water_add_up_in_any_order() -> None:
     fixed = imported(HULL, ARM.replace("revolute", "fixed"), THRUSTER, UUV, ARM_WATER)
     assert fixed.vehicle == vehicle
     assert not any("joints" in note for note in fixed.notes)
+    off = GAZEBO.replace("xUabsU", "other").replace("<xU>", "<disable_added_mass>true</disable_added_mass><xU>")
+    undamped = imported(HULL, THRUSTER, off)
+    assert undamped.vehicle.quadratic_damping == undamped.vehicle.added_mass == (0.0,) * 6
+    assert "The model does not say added_mass, quadratic_damping: 0, as its simulator has it." in undamped.notes
+    assert "The volume, 0.02 m³, is that of the collisions, as Gazebo's buoyancy has it." in undamped.notes
 
 
 def test_the_hull_is_a_link_of_the_heaviest_body() -> None:

@@ -74,6 +74,32 @@ def test_wrong_shapes_are_reported(model: str, message: str) -> None:
     assert message in str(caught.value)
 
 
+NOISE = """<gazebo reference="hydra/base_link"><sensor type="altimeter"><pose>1 2 3</pose><vertical_position><noise>
+<mean>-0.2</mean><stddev>-0.1</stddev><bias_stddev>0.3</bias_stddev><dynamic_bias_stddev>-0.01</dynamic_bias_stddev>
+<dynamic_bias_correlation_time>-50</dynamic_bias_correlation_time></noise></vertical_position></sensor>
+<sensor type="depth" name="eye"/><plugin filename="ros_imu"><gyroscope_random_walk>1</gyroscope_random_walk></plugin>
+<plugin name="sound" filename="usbl"/><sensor type="lidar" name="scan"/></gazebo>
+<gazebo reference="nowhere"><sensor type="imu" name="lost"/></gazebo>"""
+
+
+def test_sensors_have_the_errors_of_their_simulator() -> None:
+    """A metre of water is 9810 Pa; a walk of 0.01 settles at that times the root of half of 50 s, if it settles."""
+    found, endless = imported(extra_xml=NOISE), imported(extra_xml=NOISE.replace("correlation_time", "none"))
+    error = {"offset": -0.2 * 9810.0, "noise": 981.0, "turn_on": 2943.0}
+    settled = error | {"bias": 0.05 * 9810.0, "bias_time": 50.0}
+    assert found.sensors["pressure"].pop("error") == pytest.approx(settled)
+    assert found.sensors == {
+        "pressure": {"position": [1.0, -2.0, -3.0]},
+        "camera": {"position": [0.0] * 3, "depth": True},
+        "laser": {"position": [0.0] * 3},
+        "imu": {"position": [0.0] * 3},
+    }
+    assert endless.sensors["pressure"]["error"] == pytest.approx(error)
+    assert found.notes == [
+        f"Left out: the sensor {label}, of a kind that there is not." for label in ("'lost' (imu)", "sound")
+    ]
+
+
 def thruster(inside: str) -> str:
     return (
         '<link name="t_link"/><joint name="t" type="continuous"><parent link="hydra/base_link"/><child link="t_link"/>'
@@ -85,8 +111,8 @@ def thruster(inside: str) -> str:
 @pytest.mark.parametrize(
     ("conversion", "limits"),
     [
-        ("<clampMin>-20</clampMin><clampMax>30</clampMax><conversion><type>Basic</type>"
-         "<rotorConstant>0.1</rotorConstant></conversion>", (90.0, 40.0)),
+        ("<clampMin>-20</clampMin><clampMax>30</clampMax><thrustMax>85</thrustMax><conversion><type>Basic</type>"
+         "<rotorConstant>0.1</rotorConstant></conversion>", (85.0, 40.0)),
         ("<clampMin>-20</clampMin><clampMax>30</clampMax><thrustMin>-25</thrustMin><thrustMax>80</thrustMax>"
          "<thrust_efficiency>0.5</thrust_efficiency><conversion><type>Basic</type>"
          "<rotorConstant>0.1</rotorConstant></conversion>", (40.0, 12.5)),

@@ -77,12 +77,3 @@ def test_waves_change_the_thrust_share() -> None:
         assert surface.shares(position, level, time) == calm.shares((3.0, -2.0, height), level, time)
     assert {0.0, 1.0} <= {share for step in range(100) for share in surface.shares(position, level, 0.1 * step)}
     assert surface.reach > calm.reach + 1.0
-
-
-def test_deep_vehicles_do_not_compute_the_shares(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One comparison of the depth decides."""
-    monkeypatch.delattr(Ventilation, "shares")
-    simulation = Simulation(HEAVY, SEA, {}, position=(0.0, 0.0, 2.0))
-    for _ in range(100):
-        simulation.step([1600] * 8)
-    assert min(map(abs, simulation.thrusts)) > 1.0, "all have their full thrust"
