@@ -25,7 +25,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from hil.common.clock import NEVER_NS
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError
 from hil.common.schema import find_preset, nearest, parse_split, read_each
 from hil.common.tables import read_table
 from sim.sensors.error import sensor_random
@@ -172,8 +172,6 @@ class Slot:
                 f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation; lower it, or "
                 "shorten its step"
             )
-        if spec.offloaded:
-            _require_numpy(name)
         self.sensor = spec.build(seed, scene)
         self.topic = spec.topic
         self.due_ns = self.period_ns
@@ -198,13 +196,6 @@ class Slot:
         if self._random is None or not self._drop_out:
             return False
         return first_ns <= now_ns < last_ns and self._random.random() < self._drop_out
-
-
-def _require_numpy(name: str) -> None:
-    from importlib.util import find_spec  # imported here, because most vehicles have no camera or sonar
-
-    if find_spec("numpy") is None:
-        raise MissingExtraError(f"sensor {name!r} makes pictures, which needs numpy: pip install 'uuv-hil[imaging]'")
 
 
 def _read_sensor(name: str, section: Any, where: str) -> SensorSpec:

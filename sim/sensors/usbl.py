@@ -65,11 +65,10 @@ class Usbl:
         self._period, self._range_errors, self._angle_variance = period, model.range, variance(model.angle, period)
         models = [model.range, model.angle, model.angle]
         self._errors = make_error_bank(models, period, sensor_random(seed, self.topic))
-        self._column = _water_column(scene.world)
-        self._rays = self._column.rays(scene.world.depth) if self._column else None
-        at_station = self._column.sound_speed(model.station[2]) if self._column else SOUND_SPEED
-        self._assumed_speed = model.assumed_speed or at_station
-        self._range_factor = self._assumed_speed / at_station  # in water with a constant speed of sound
+        column = _water_column(scene.world)
+        self._rays = column.rays(scene.world.depth) if column else None
+        self._speed = column.sound_speed(model.station[2]) if column else SOUND_SPEED  # everywhere, without rays
+        self._assumed_speed = model.assumed_speed or self._speed
         self.delay_ns = 0
 
     def sample(self, time_ns: int, state: State) -> PositionSample | None:
@@ -78,7 +77,7 @@ class Usbl:
         x, y, z = [a - b for a, b in zip(position, self._station, strict=True)]
         distance = sqrt(x * x + y * y + z * z)
         has_fix = 0.0 < distance <= self._max_range and submersion(self._scene, time_ns, position) >= 0.0
-        apparent, seconds = distance * self._range_factor, distance / self._sound_speed(position)
+        apparent, seconds = distance * (self._assumed_speed / self._speed), distance / self._speed
         line = (x / distance, y / distance, z / distance) if distance else (0.0, 0.0, 1.0)
         if self._rays and has_fix:
             level = sqrt(x * x + y * y)
@@ -89,17 +88,13 @@ class Usbl:
                 apparent, seconds = ray.time * self._assumed_speed, ray.time
                 along = sqrt(max(0.0, 1.0 - ray.departure * ray.departure)) / level if level else 0.0
                 line = (x * along, y * along, ray.departure)
-        measured, up, starboard = self._errors.measure((apparent, 0.0, 0.0))
+        measured, down, starboard = self._errors.measure((apparent, 0.0, 0.0))
         if not has_fix:
             return None
         self.delay_ns = round(seconds * 1e9)
-        direction = rotate_direction(line, up, starboard)
+        direction = rotate_direction(line, down, starboard)
         north, east, down = [start + measured * along for start, along in zip(self._station, direction, strict=True)]
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))
-
-    def _sound_speed(self, position: Vector3) -> float:
-        """Return the speed of sound (m/s) at the mean depth of station and beacon."""
-        return self._column.sound_speed(0.5 * (position[2] + self._station[2])) if self._column else SOUND_SPEED
 
     def _covariance(self, line: Vector3, distance: float) -> Covariance:
         """Return the covariance of the position in m²: the range's along the line of sight, the angles' across it."""
@@ -115,13 +110,13 @@ def position_covariance(line: Vector3, along: float, across: float) -> Covarianc
     return along * x * x + across, xy, xz, xy, along * y * y + across, yz, xz, yz, along * z * z + across
 
 
-def rotate_direction(line: Vector3, up: float, starboard: float) -> Vector3:
-    """Return the unit vector `line` (NED), turned by the small perpendicular angles `up` and `starboard` (rad)."""
+def rotate_direction(line: Vector3, down: float, starboard: float) -> Vector3:
+    """Return the unit vector `line` (NED), turned by the small perpendicular angles `down` and `starboard` (rad)."""
     x, y, z = line
     level = sqrt(x * x + y * y)
     # (a, b, 0) is horizontal and perpendicular to `line`; vertically above or below the station any direction is
     a, b = (-y / level, x / level) if level > 1e-9 else (0.0, 1.0)
-    x, y, z = x + starboard * a - up * z * b, y + starboard * b + up * z * a, z + up * (x * b - y * a)
+    x, y, z = x + starboard * a - down * z * b, y + starboard * b + down * z * a, z + down * (x * b - y * a)
     length = sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length
 

@@ -151,9 +151,7 @@ class ForwardSonar:
         if not groups:
             return np.zeros((m.beams, self._bins.count), np.float32)
         echoes = self._pinger.distribute(groups[0], self._bins, self._stride).astype(np.float32)
-        if motion := sonar_motion(state, self._mounting, None):
-            echoes = motion.shift_beams(echoes, self._bins, m.sector / m.beams)
-        return echoes
+        return sonar_motion(state, self._mounting, None).shift_beams(echoes, self._bins, m.sector / m.beams)
 
 
 def _aperture(model: ForwardSonarModel, angles: "Floats", spacing: float) -> "Aperture":

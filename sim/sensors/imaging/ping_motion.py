@@ -56,7 +56,7 @@ class PingMotion(NamedTuple):
         padded = np.vstack([echoes, np.zeros((1, bins.count), echoes.dtype)])  # no echoes from outside the fan
 
         def at(rows: Any) -> Floats:
-            received: Floats = padded[np.where((rows >= 0) & (rows < len(echoes)), rows, -1), column]
+            received: Floats = padded[np.clip(rows, -1, len(echoes)), column]
             return received
 
         remainder = (shift - whole_beams).astype(echoes.dtype)
@@ -64,10 +64,8 @@ class PingMotion(NamedTuple):
         return shifted
 
 
-def sonar_motion(state: State, mounting: Mounting, head_rotation: Quaternion | None) -> PingMotion | None:
-    """Return the motion of a sonar along its axes, or those of its head (turned by `head_rotation`); None at rest."""
-    if max(map(abs, state.nu)) <= _MIN_MOTION:
-        return None
+def sonar_motion(state: State, mounting: Mounting, head_rotation: Quaternion | None) -> PingMotion:
+    """Return the motion of a sonar along its axes, or those of its head (turned by `head_rotation`)."""
     orientation = multiply(mounting.quaternion, head_rotation) if head_rotation else mounting.quaternion
     return PingMotion(
         rotate_inverse(orientation, mounting.velocity(state.nu)), rotate_inverse(orientation, state.nu[3:6])

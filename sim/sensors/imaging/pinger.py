@@ -141,7 +141,7 @@ class Pinger:
         return lattice.unit(cells.across, cells.down), edges, weights, cells.column
 
     def _echoes(
-        self, rays: Rays, rotation: Floats, motion: PingMotion | None, shape: tuple[int, ...] | None = None
+        self, rays: Rays, rotation: Floats, motion: PingMotion, shape: tuple[int, ...] | None = None
     ) -> tuple[Echoes, Floats]:
         """Return the echoes of rays and their cosines of incidence; `shape` (beams x rays) for the aperture's own."""
         strengths = self._strengths[rays.object]
@@ -166,9 +166,7 @@ class Pinger:
         for edge in (first, second, *side_edges):
             near, far = np.minimum(near, edge), np.maximum(far, edge)
         echoes = Echoes(np.where(echoing, ranges, np.inf), near, far, energy, rays.beam, rays.object)
-        if motion:
-            echoes = motion.apply(echoes, rays.directions, self._aperture.receiver_pattern)
-        return echoes, cos_incidence
+        return motion.apply(echoes, rays.directions, self._aperture.receiver_pattern), cos_incidence
 
     def _glint_gain(self, cos_incidence: Floats, objects: NDArray[np.int32]) -> Floats:
         """Return the factor of each ray's echo over that of Lambert's rule, by its cosine of incidence.
@@ -184,9 +182,9 @@ class Pinger:
     def _smooth_incidence(self, cos_incidence: Floats, rays: Rays, rotation: Floats) -> Floats:
         """Return the cosines of incidence on a smooth seabed, without the facets of the terrain grid."""
         terrain = self._scene.world.terrain
-        level = (rays.object == SEABED) & (rays.normals[:, 2] < -_CLIFF) if terrain else np.zeros(1, bool)
-        if terrain is None or not level.any():
+        if terrain is None:
             return cos_incidence
+        level = (rays.object == SEABED) & (rays.normals[:, 2] < -_CLIFF)
         to_north, to_east = smooth_slopes(terrain, rays.points[level, 0], rays.points[level, 1])
         along = rays.directions[level] @ rotation.T
         cosines = (along[:, 2] - to_north * along[:, 0] - to_east * along[:, 1]) / np.sqrt(

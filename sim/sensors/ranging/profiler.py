@@ -107,7 +107,7 @@ class Profiler(Fan):
             beam_intensities, distances = intensities[first : first + count], hits.distances[first : first + count]
             total = sum(beam_intensities)
             if total <= 0.0:
-                ranges.append(min(distances))
+                ranges.append(inf)
                 strengths.append(nan)
                 continue
             if count == 1:
