@@ -79,6 +79,7 @@ def test_right_in_the_picture_is_starboard_and_below_is_down() -> None:
 def test_the_field_of_view_is_that_of_the_key() -> None:
     sample = camera(DEEP, TRUE._replace(field_of_view=radians(90.0), width=100)).sample(0, POSE)
     assert sample.intrinsics == pytest.approx((50.0, 50.0, 49.5, 30.0))
+    assert not colours(sample)[30].any(), "nothing ahead has no light"
     assert sample.distortion == (0.0,) * 5
 
 
@@ -133,32 +134,19 @@ def test_the_picture_follows_the_underwater_image_model() -> None:
     assert np.abs(picture - scene).mean() > 0.05
 
 
-@pytest.mark.parametrize("water", ["IB", "II", "1C"])
-def test_distant_objects_fade_into_the_veiling_light(water: Any) -> None:
-    world = DEEP._replace(walls=True, extent=(-50.0, 25.0, -500.0, 500.0))
-    near, far = (
-        camera(world._replace(extent=(-50.0, d, -500.0, 500.0)), RAW._replace(water=water))._renderer.render(0, POSE)[0]
-        for d in (1.0, 29.0)
-    )
-    middle = 30 * 81 + 40
-    veil = np.array(jerlov(water, 8.0).veil)
-    assert np.abs(far[middle] - veil).max() < 0.3 * np.abs(near[middle] - veil).max()
-
-
-def test_lamp_light_falls_with_the_square_of_the_distance() -> None:
-    """A wall at 1 m and at 3 m, in the dark in clear water, gets the lamp's light by its cosine."""
-    for distance in (1.0, 3.0):
-        world = DEEP._replace(walls=True, extent=(-50.0, distance, -500.0, 500.0))
-        lit, unlit = (
-            camera(world, RAW._replace(water="clear", lamps=lamps, max_range=5.0))._renderer.render(0, POSE)[0]
-            for lamps in (2.0, 0.0)
-        )
-        tone = unlit / 0.6  # of a wall in full daylight
-        axial = pixel_rays(81, 61, camera(world)._intrinsics, (0.0,) * 5)[:, 0]
-        on_wall = unlit[:, 0] > 0.0
-        expected = 2.0 * axial * (axial / distance) ** 2
-        share = (lit - unlit)[on_wall] / tone[on_wall]
-        assert share == pytest.approx(np.repeat(expected[on_wall, None], 3, axis=1), rel=1e-4)
+@pytest.mark.parametrize(("offset", "shadows"), [(0.0, False), (0.3, True)])
+@pytest.mark.parametrize("distance", [1.0, 3.0])
+def test_lamp_light_falls_with_the_square_of_the_distance(distance: float, offset: float, shadows: bool) -> None:
+    """A wall in the dark in clear water gets the light of a lamp, or of two beside the camera, by its cosine."""
+    world = DEEP._replace(walls=True, extent=(-50.0, distance, -500.0, 500.0))
+    keys = RAW._replace(water="clear", max_range=5.0, lamp_offset=offset, lamp_shadows=shadows)
+    lit, unlit = (camera(world, keys._replace(lamps=on))._renderer.render(0, POSE)[0] for on in (2.0, 0.0))
+    tone, on_wall = unlit / 0.6, unlit[:, 0] > 0.0  # of a wall in full daylight
+    rays = pixel_rays(81, 61, camera(world)._intrinsics, (0.0,) * 5)
+    _, across, down = (rays / rays[:, :1] * distance).T
+    expected = sum(distance / np.hypot(np.hypot(across - side, down), distance) ** 3 for side in (-offset, offset))
+    share = (lit - unlit)[on_wall] / tone[on_wall]
+    assert share == pytest.approx(np.repeat(expected[on_wall, None], 3, axis=1), rel=3e-4)
 
 
 def test_fixed_exposure_scales_and_automatic_exposure_adapts() -> None:

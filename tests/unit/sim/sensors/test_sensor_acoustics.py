@@ -15,7 +15,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
 from sim.sensors.ranging.dvl_water import DvlWater, DvlWaterModel
 from sim.sensors.sensor_set import SensorSpec
-from sim.sensors.usbl import Usbl, UsblModel
+from sim.sensors.usbl import Usbl, UsblModel, rotate_direction
 from sim.simulation import Simulation
 from tests.support.fitted import ASKEW, EXACT, NU, VEHICLE, scene
 
@@ -62,12 +62,24 @@ def test_an_altimeter_without_an_echo_gives_no_altitude(depth: float, roll: floa
 USBL = UsblModel(range=EXACT, angle=EXACT, station=(10.0, -20.0, 2.0))
 
 
-def test_a_usbl_is_exact_without_errors() -> None:
-    state = State((100.0, 200.0, 30.0), from_euler(0.3, -0.5, 2.0), NU)
+@pytest.mark.parametrize("position", [(100.0, 200.0, 30.0), (10.0, -20.5, 2.3)])
+def test_a_usbl_is_exact_without_errors(position: tuple[float, float, float]) -> None:
+    state = State(position, from_euler(0.3, -0.5, 2.0), NU)
     sample = Usbl(USBL, ASKEW, 1, scene(DEEP)).sample(5, state)
     assert sample is not None
     assert sample.time_ns == 5
-    assert sample.position == pytest.approx(ASKEW.world_position(state), rel=1e-13)
+    assert sample.position == pytest.approx(ASKEW.world_position(state), rel=1e-12)
+
+
+@pytest.mark.parametrize("line", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.6, 0.0, 0.8), (0.48, -0.64, -0.6)])
+def test_a_direction_turns_by_its_angles_down_and_to_starboard(line: tuple[float, float, float]) -> None:
+    turned = [rotate_direction(line, 1e-4, 0.0), rotate_direction(line, 0.0, 2e-4)]
+    assert np.linalg.norm(turned, axis=1) == pytest.approx([1.0, 1.0], abs=1e-15)
+    to_down, to_starboard = np.subtract(turned, line)
+    assert np.linalg.norm(to_starboard) == pytest.approx(2e-4)
+    assert np.cross(line, to_starboard) == pytest.approx(2.0 * to_down, abs=1e-7)
+    assert to_starboard[2] == pytest.approx(0.0, abs=1e-7)
+    assert to_down[2] > 0.0 or abs(line[2]) == 1.0
 
 
 @pytest.mark.parametrize("position", [(0.0, 0.0, -1.0), (1200.0, 0.0, 5.0), (10.0, -20.0, 2.0)])

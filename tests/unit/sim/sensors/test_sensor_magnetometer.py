@@ -1,6 +1,7 @@
 """The magnetometer: the earth's field, iron, mounting and errors."""
 
 from math import atan2, cos, pi, sin
+from statistics import pstdev
 
 import pytest
 
@@ -8,6 +9,7 @@ from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.world import World
 from sim.rotations import from_euler, rotate
+from sim.sensors.error import ErrorModel
 from sim.sensors.magnetometer import Magnetometer, MagnetometerModel, earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import read_sensors
@@ -53,8 +55,15 @@ def test_hard_and_soft_iron_distort_the_field() -> None:
     assert Magnetometer(model, Mounting(), 1, SCENE).sample(0, State()).field == pytest.approx(expected)
 
 
+def test_the_noise_of_a_magnetometer_grows_with_its_rate() -> None:
+    fast = Magnetometer(MODEL._replace(rate=100.0, error_xy=ErrorModel(noise_density=1e-7)), Mounting(), 1, SCENE)
+    assert pstdev(fast.sample(i, State()).field[0] for i in range(2000)) == pytest.approx(1e-6, rel=0.05)
+
+
 def test_magnetometer_keys_are_read_and_checked() -> None:
     sensors = read_sensors({"magnetometer": {"hard_iron": [1e-6, 0, 0]}}, "a.toml: sensors")
     assert sensors["magnetometer"].model.hard_iron == (1e-6, 0.0, 0.0)
     with pytest.raises(ConfigError, match="soft_iron: expected 9 values"):
         read_sensors({"magnetometer": {"soft_iron": [1.0]}}, "a.toml: sensors")
+    with pytest.raises(ConfigError, match=r"a\.toml: sensors: expected a table for each sensor"):
+        read_sensors([{"magnetometer": {}}], "a.toml: sensors")

@@ -1,11 +1,11 @@
 """Sensors with a position and orientation of their own: their samples belong to these."""
 
-from math import pi, radians
+from math import radians
 
 import pytest
 
 from sim.dynamics import State
-from sim.rotations import from_euler, multiply, rotate, rotate_inverse
+from sim.rotations import from_euler, multiply, rotate
 from sim.sensors.imu import Imu, specific_force
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.dvl import Dvl
@@ -36,17 +36,6 @@ def test_a_rotated_imu_measures_the_same_in_other_axes() -> None:
     assert rotate(rotation, askew.acceleration) == pytest.approx(straight.acceleration)
     assert rotate(rotation, askew.angular_velocity) == pytest.approx(NU[3:])
     assert askew.orientation == pytest.approx(multiply(state.quaternion, rotation))
-
-
-@pytest.mark.parametrize("orientation", [(0.0, 0.0, pi / 4.0), (0.1, -0.15, 2.5), (0.0, 0.0, -1.0)])
-def test_a_rotated_dvl_measures_the_same_in_other_axes(orientation: tuple[float, float, float]) -> None:
-    state = moving()
-    mounting = Mounting((0.3, -0.1, 0.2), orientation)
-    sample = Dvl(EXACT_DVL, mounting, 1, SCENE).sample(0, state)
-    assert sample.locked
-    expected = rotate_inverse(from_euler(*orientation), mounting.velocity(NU))
-    assert sample.velocity == pytest.approx(expected)
-    assert sample.altitude == pytest.approx(20.0 - mounting.depth(state))
 
 
 def test_a_dvl_directed_ahead_has_no_bottom_lock_until_the_vehicle_dives() -> None:

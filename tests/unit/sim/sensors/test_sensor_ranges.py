@@ -1,6 +1,7 @@
 """Laser, profiler, echosounder, scanning sonar; and DVL and altimeter over relief and obstacles."""
 
 from math import atan, cos, inf, isnan, log10, pi, radians, sin, sqrt, tan
+from random import Random
 from statistics import fmean, pstdev
 
 import numpy as np
@@ -16,6 +17,7 @@ from sim.sensors.error import ErrorModel
 from sim.sensors.imaging.scanning_sonar import ScanningSonar, ScanningSonarModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
+from sim.sensors.ranging.beams import RangeErrors
 from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
 from sim.sensors.ranging.laser import Laser, LaserModel
@@ -76,24 +78,29 @@ def test_a_laser_has_range_limits_and_none_in_air() -> None:
     assert set(laser.sample(1, State((0.0, 0.0, -0.1))).ranges) == {inf}
 
 
-def test_laser_errors_have_a_common_and_an_independent_part() -> None:
-    """Noise is independent from beam to beam; what is drawn at the start is the same for all."""
+def test_beams_of_a_laser_share_its_constant_errors() -> None:
+    """What is drawn at the start is the same for all."""
     state, model = State((1.0, 1.0, 5.0)), LaserModel(beams=40)
     true = Laser(model._replace(ground_truth=True), Mounting(), 1, scene(POOL)).sample(0, state).ranges
-    noisy = Laser(model._replace(error=ErrorModel(noise=0.02)), Mounting(), 1, scene(POOL))
-    gaps = [a - b for i in range(100) for a, b in zip(noisy.sample(i, state).ranges, true, strict=True)]
-    assert pstdev(gaps) == pytest.approx(0.02, rel=0.05)
-    assert fmean(gaps) == pytest.approx(0.0, abs=0.002)
     off = Laser(model._replace(error=ErrorModel(turn_on=0.5, scale=0.1)), Mounting(), 3, scene(POOL)).sample(0, state)
-    (first, _), (second, _) = pairs = list(zip(off.ranges, true, strict=True))[:2]
+    first, second, *_ = off.ranges
     gain = (first - second) / (true[0] - true[1])
     constant = first - gain * true[0]
-    assert all(a == pytest.approx(gain * b + constant, abs=1e-9) for a, b in pairs)
     assert all(a == pytest.approx(gain * b + constant, abs=1e-9) for a, b in zip(off.ranges, true, strict=True))
     assert gain != pytest.approx(1.0, abs=1e-3)
     assert constant != pytest.approx(0.0, abs=1e-3)
-    rounded = Laser(model._replace(error=ErrorModel(resolution=0.25)), Mounting(), 3, scene(POOL)).sample(0, state)
-    assert all((4.0 * x).is_integer() for x in rounded.ranges)
+
+
+@pytest.mark.parametrize(
+    ("model", "mean", "deviation"),
+    [(ErrorModel(offset=0.5), 5.5, 0.0), (ErrorModel(offset=0.5, noise=0.2), 5.5, 0.2),
+     (ErrorModel(offset=0.3, resolution=0.25), 5.25, 0.0), (ErrorModel(offset=7.0, limit=9.0), 9.0, 0.0),
+     (ErrorModel(noise_density=0.01, noise=0.1), 5.0, sqrt(0.02)), (ErrorModel(noise_share=0.1), 5.0, 0.5),
+     (ErrorModel(offset=0.2, outliers=0.1, outlier=3.0), 5.2, sqrt(0.9))],
+)  # fmt: skip
+def test_each_of_many_distances_has_errors_of_its_stated_size(model: ErrorModel, mean: float, deviation: float) -> None:
+    errors = RangeErrors(model, 0.01, Random(1), (0.0, inf)).measure([5.0] * 20_000)
+    assert (fmean(errors), pstdev(errors)) == pytest.approx((mean, deviation), rel=0.02)
 
 
 def test_a_laser_in_flight_has_its_rate_latency_and_pose() -> None:
@@ -218,12 +225,12 @@ def test_a_scanning_sonar_scans_a_full_turn() -> None:
 
 
 def test_a_scanning_sonar_sweeps_a_sector() -> None:
-    model = SONAR._replace(angle_min=-0.2, angle_max=0.2, step=0.1)
+    model = SONAR._replace(angle_min=-2.0, angle_max=2.0, step=1.0)
     sonar = ScanningSonar(model, Mounting(), 1, scene(POOL))
     angles = [sonar.sample(i, State((0.0, 0.0, 5.0))).angle_min for i in range(10)]
-    assert angles == pytest.approx([-0.2, -0.1, 0.0, 0.1, 0.2, 0.1, 0.0, -0.1, -0.2, -0.1])
-    assert model._replace(angle_max=-0.2).validate()
-    assert model._replace(angle_max=7.0).validate()
+    assert angles == pytest.approx([-2.0, -1.0, 0.0, 1.0, 2.0, 1.0, 0.0, -1.0, -2.0, -1.0])
+    assert model._replace(angle_max=-1.1).validate()
+    assert model._replace(angle_max=4.3).validate()
     assert model.validate() is None
 
 

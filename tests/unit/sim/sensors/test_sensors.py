@@ -1,6 +1,6 @@
 """IMU, DVL, pressure and odometry: exact without errors, and errors of their size."""
 
-from math import cos, hypot, isnan, radians
+from math import cos, hypot, isnan, pi, radians
 from statistics import pstdev
 from typing import Any
 
@@ -16,8 +16,9 @@ from sim.sensors.imu import Imu, ImuModel, specific_force
 from sim.sensors.mounting import Mounting
 from sim.sensors.odometry import GroundTruth, GroundTruthModel, Odometry, OdometryModel
 from sim.sensors.pressure import Pressure, PressureModel
+from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
 from sim.sensors.ranging.dvl import Dvl, DvlModel
-from sim.sensors.sensor_set import read_sensors
+from sim.sensors.sensor_set import Schedule, SensorSpec, read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.fitted import EXACT, NU, scene
@@ -35,12 +36,6 @@ def test_an_imu_at_rest_measures_gravity_upwards() -> None:
     assert sample == (5, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
     nose_up = State(quaternion=from_euler(0.0, radians(90), 0.0))
     assert Imu(EXACT_IMU, PLAIN, 1, SCENE).sample(5, nose_up).acceleration == pytest.approx((9.8, 0.0, 0.0))
-
-
-def test_an_imu_off_the_axis_measures_the_turn() -> None:
-    state = State(nu=(0, 0, 0, 0, 0, 2.0))
-    state.nu_dot = [0.0, 0.0, 0.0, 0.0, 0.0, 3.0]
-    assert specific_force(state, (0.5, 0.0, 0.0), 0.0) == pytest.approx((-0.5 * 4.0, 0.5 * 3.0, 0.0))
 
 
 def test_specific_force_is_the_acceleration_of_the_sensors_position() -> None:
@@ -69,15 +64,17 @@ def test_specific_force_is_the_acceleration_of_the_sensors_position() -> None:
     assert specific_force(felt, position, 9.8) == pytest.approx(expected, abs=0.02)
 
 
-def test_a_dvl_is_exact_without_errors() -> None:
+@pytest.mark.parametrize("orientation", [(0.0, 0.0, 0.0), (0.0, 0.0, pi / 4.0), (0.1, -0.15, 2.5), (0.0, 0.0, -1.0)])
+def test_a_dvl_is_exact_without_errors(orientation: tuple[float, float, float]) -> None:
     """The velocity of a tilted, turning DVL off the origin is that of its position; its altitude is over the seabed."""
     q, position = from_euler(0.15, -0.2, 2.0), (0.3, -0.1, 0.2)
     state = State((1.0, 2.0, 3.0), q, NU)
-    sample = Dvl(EXACT_DVL, Mounting(position), 1, SCENE).sample(9, state)
+    sample = Dvl(EXACT_DVL, Mounting(position, orientation), 1, SCENE).sample(9, state)
     u, v, w, p, q_, r = NU
     x, y, z = position
     assert sample.locked
-    assert sample.velocity == pytest.approx((u + q_ * z - r * y, v + r * x - p * z, w + p * y - q_ * x))
+    swing = u + q_ * z - r * y, v + r * x - p * z, w + p * y - q_ * x
+    assert sample.velocity == pytest.approx(rotate_inverse(from_euler(*orientation), swing))
     assert sample.altitude == pytest.approx(20.0 - 3.0 - rotate(q, position)[2])
     slant = 17.0 / cos(EXACT_DVL.tilt)  # what the mean of the beams would be, level
     assert abs(sample.altitude - slant) > 1.0
@@ -151,6 +148,24 @@ def test_odometry_has_errors_and_ground_truth_is_exact() -> None:
     assert pstdev([sample.nu[0] for sample in samples]) == pytest.approx(0.01, rel=0.05)
 
 
+def test_samples_are_late_and_lost_as_their_mountings_have_it() -> None:
+    """Each arrives by its own latency, also while an earlier one of a slower sensor is on its way."""
+    losing = Mounting(latency=0.05, drop_out=0.5, drop_out_from=2.0, drop_out_until=4.0)
+    fitted = {
+        "altimeter": SensorSpec(Altimeter, AltimeterModel(rate=100.0), Mounting(latency=0.2, jitter=0.1)),
+        "pressure": SensorSpec(Pressure, PressureModel(rate=100.0), losing),
+    }
+    schedule, arrived = Schedule(fitted, SCENE, 1, 10**6), []
+    for now in range(0, 6 * 10**9, 10**6):
+        arrived += [(topic, now, sample.time_ns) for topic, sample in schedule.pop_due(now, SCENE)]
+    late = [now - taken for topic, now, taken in arrived if topic == "altimeter"]
+    assert [min(late), sum(late) / len(late), max(late)] == pytest.approx([2e8, 2.5e8, 3e8], abs=5e6)
+    assert {now - taken for topic, now, taken in arrived if topic == "pressure"} == {50_000_000}
+    lost = {*range(10**7, 59 * 10**8, 10**7)} - {taken for topic, _, taken in arrived if topic == "pressure"}
+    assert 80 < len(lost) < 120
+    assert min(lost) >= 2 * 10**9 > max(lost) - 2 * 10**9
+
+
 class Gauge:
     message = "std_msgs/msg/Float64"
 
@@ -175,6 +190,7 @@ def test_a_users_own_sensor_gets_its_keys() -> None:
         ("gauge", {"class": section["class"]}), ("gauge", {"sensor": "gauge"}), ("gauge", {"sensor": "odometry"}),
         ("altimeter", {"min_range": 9, "max_range": 9}), ("echosounder", {"min_range": 9, "max_range": 9}),
         ("dvl_water", {"near": 2, "far": 2}), ("usbl", {"assumed_speed": 1299}), ("imu", {"sensor": "dvl"}),
+        ("größe", section),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match=f"f: {name}: "):
             read_sensors({name: wrong}, "f")

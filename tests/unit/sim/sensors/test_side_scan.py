@@ -16,6 +16,7 @@ from sim.rays.scene import Engine, RayScene
 from sim.rotations import from_euler
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.sensor import Camera
+from sim.sensors.imaging.echoes import first_null
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.samples import SideScanSample
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel
@@ -61,6 +62,16 @@ def test_a_block_to_starboard_has_its_shadow() -> None:
     assert starboard[int(shade[1] / 0.1) + 6] > 0.0
     assert port.nonzero()[0][0] == 100
     assert (port[101:] > 0.0).all()
+
+
+def test_rays_of_a_side_scan_are_denser_at_grazing_incidence() -> None:
+    """From the top of the lobe, 6 deg above the level, to nadir; a ray is as tall as the sine of its angle and 0.15."""
+    model = SCAN._replace(rays=40, beam_height=radians(30.0), depression=radians(10.0))
+    edges = SideScan(model, Mounting(), 1, scene())._pinger._aperture.edges[0]
+    downs = np.arctan2(edges[:, 2], -edges[:, 1])
+    assert downs[[0, -1]] == pytest.approx([radians(10.0) - first_null(radians(30.0)), 0.5 * pi])
+    heights = np.diff(downs) / (np.abs(np.sin(0.5 * (downs[1:] + downs[:-1]))) + 0.15)
+    assert heights == pytest.approx(np.full(40, heights.mean()), rel=0.04)
 
 
 def test_a_side_scan_receives_nothing_out_of_the_water() -> None:
