@@ -68,13 +68,10 @@ class Pipeline(NamedTuple):
 
     def separation(self, north: float, east: float) -> Separation:
         """Return the horizontal distance (m) from its side, and the direction away from its axis."""
-        best = (inf, 1.0, 0.0)
-        for (from_north, from_east), (to_north, to_east) in pairwise(self.points):
-            x, y = off_line(north, east, from_north, from_east, to_north, to_east)
-            distance = sqrt(x * x + y * y)
-            if distance < best[0]:
-                best = (distance, x / distance, y / distance) if distance else (0.0, 1.0, 0.0)
-        return best[0] - 0.5 * self.diameter, best[1], best[2]
+        offsets = (off_line(north, east, *start, *end) for start, end in pairwise(self.points))
+        distance, x, y = min((sqrt(x * x + y * y), x, y) for x, y in offsets)
+        out = (x / distance, y / distance) if distance else (1.0, 0.0)
+        return distance - 0.5 * self.diameter, *out
 
     def stretches(
         self, seabed: Seabed, spacing: float, north: float, east: float, within: float

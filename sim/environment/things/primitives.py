@@ -24,9 +24,8 @@ def ring(radius: float, down: float, sides: int) -> list[Vector3]:
 def tube(line: Sequence[Vector3], upright: Vector3, radius: float, sides: int, closed: bool = False) -> list[Triangle]:
     """Return a tube about a line in a plane normal to `upright` (a unit vector), with lids unless it is `closed`."""
     rims = []
-    for k, (x, y, z) in enumerate(line):
-        before = line[k - 1] if k or closed else line[0]
-        after = line[(k + 1) % len(line)] if k + 1 < len(line) or closed else line[-1]
+    ends = (line[-1], line[0]) if closed else (line[0], line[-1])
+    for before, (x, y, z), after in zip((ends[0], *line), line, (*line[1:], ends[1]), strict=False):
         side = unit(cross(minus(after, before), upright))
         turns = [2.0 * pi * (i + 0.5) / sides for i in range(sides)]
         rims.append([

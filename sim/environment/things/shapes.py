@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator
 from math import hypot
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from hil.common.errors import ConfigError
 from hil.common.schema import Range, check_rows, kind_in, parse_split, read_each
 from sim.environment.mesh import MeshKeys, MeshObstacle, Share, place_triangles
 from sim.environment.obstacles import Coordinate, Heading
@@ -32,7 +31,7 @@ Net = tuple[float, float] | None  # mesh width and twine, m
 RUST, STEEL, CONCRETE, BLACK, TWINE = (
     (0.25, 0.11, 0.05), (0.40, 0.40, 0.40), (0.33, 0.32, 0.29), (0.04, 0.04, 0.05), (0.12, 0.15, 0.12),
 )  # fmt: skip
-_MAX_LINKS = 4000
+_MAX_LINKS = 4000  # of 48 triangles; all other shapes have fewer
 _POINTS = 65  # of a hanging rope or chain
 
 
@@ -221,7 +220,6 @@ KINDS: dict[str, Any] = {
     "pipe": Pipe, "pile": Pile, "rope": Rope, "chain": Chain, "net": NetPanel, "net_pen": NetPen,
     "box_wreck": BoxWreck,
 }  # fmt: skip
-MAX_TRIANGLES = 200_000
 HANGS = {"rope", "chain", "net", "net_pen"}
 assert set(get_args(ShapeKeys.__annotations__["kind"])) == set(KINDS)
 
@@ -239,17 +237,13 @@ def _parse_shape(row: dict[str, Any], where: str) -> tuple[ShapeKeys, Any, str]:
 def place_shapes(
     shapes: Iterable[tuple[ShapeKeys, Any, str]], seabed: Callable[[float, float], float]
 ) -> Iterator[MeshObstacle]:
-    """Yield the meshes of the shapes that `parse_shapes` returned. Raises ConfigError."""
-    for placing, shape, where in shapes:
+    """Yield the meshes of the shapes that `parse_shapes` returned."""
+    for placing, shape, _ in shapes:
         depth = placing.depth
         if depth is None:
             depth = 0.0 if placing.kind in HANGS else seabed(placing.north, placing.east)
         name = placing.name or f"the {placing.kind.replace('_', ' ')} at ({placing.north:g}, {placing.east:g})"
-        parts = shape.parts()
-        if sum(len(part.triangles) for part in parts) > MAX_TRIANGLES:
-            remedy = "make it shorter, its links or sides larger"
-            raise ConfigError(f"{where}: more than {MAX_TRIANGLES} triangles: {remedy}")
-        yield from (_place_part(part, placing, depth, name) for part in parts)
+        yield from (_place_part(part, placing, depth, name) for part in shape.parts())
 
 
 def _place_part(part: Part, placing: ShapeKeys, depth: float, name: str) -> MeshObstacle:

@@ -1,6 +1,6 @@
 """Pipelines and cables: rays, contact and planners on flat beds and on relief."""
 
-from math import inf
+from math import hypot, inf
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from sim.vehicle.vehicle import load_vehicle
 
 VEHICLE, _ = load_vehicle("paper_six")
 EXTENT = (-200.0, 200.0, -200.0, 200.0)
-FLAT = World("flat", "test", EXTENT, 20.0, pipeline=(Pipeline(((-100.0, 0.0), (0.0, 0.0), (50.0, 50.0)), 1.0),))
+FLAT = World("flat", "test", EXTENT, 20.0, pipeline=(Pipeline(((-100.0, 0.0), *((0.0, 0.0),) * 2, (50.0, 50.0)), 1.0),))
 DOWN = np.array([0.0, 0.0, 1.0])
 
 
@@ -62,7 +62,7 @@ def test_pipelines_buried_or_on_land_are_not_hit() -> None:
     terrain = Terrain(covering(EXTENT, 5.0), Slope(0.0, 0.2).depths(covering(EXTENT, 5.0)), 15.0)  # land in the south
     pipe = Pipeline(((-150.0, 0.0), (150.0, 0.0)), 1.0)
     assert all(end[2] > -1.0 for piece in pipe.pieces(terrain.depth, 5.0) for end in piece)
-    assert min(one[0] for one, _ in pipe.pieces(terrain.depth, 5.0)) > 0.0
+    assert min(one[0] for one, _ in pipe.pieces(terrain.depth, 5.0)) == pytest.approx(5.0)
     buried = FLAT._replace(pipeline=(pipe._replace(height=-1.0),))
     assert RayScene(buried).hits((0.0, 0.0, 10.0), DOWN, 50.0).objects[0] == SEABED
 
@@ -111,6 +111,17 @@ def test_a_distant_pipeline_gives_the_free_distance_to_it() -> None:
     contact = Contact(VEHICLE, FLAT, Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass)
     assert not contact.resolve(State((0.0, -150.0, 19.0)))
     assert 140.0 < contact.clearance()[2] < 150.0
+    assert FLAT.pipeline[0].separation(30.0, 10.0) == pytest.approx((200.0**0.5 - 0.5, 0.5**0.5, -(0.5**0.5)))
+    assert FLAT.pipeline[0].separation(-50.0, 0.0) == (-0.5, 1.0, 0.0)
+
+
+def test_a_pipeline_down_a_slope_is_an_obstacle_at_the_depths_of_its_pieces() -> None:
+    """From node to node its axis falls from 9 m to 14 m and to 19 m."""
+    pipe = Pipeline(((0.0, 0.0), (20.0, 0.0)), 2.0)
+    bed = lambda north, _: 10.0 + 0.5 * north  # noqa: E731
+    assert pipe.distance(bed, 10.0, 0.0, 5.0, 15.5, 16.0, 10.3) == pytest.approx(hypot(10.0, 5.0) - 1.0)
+    assert pipe.distance(bed, 10.0, 0.0, 5.0, 15.5, 16.0, 8.0) == inf
+    assert [(stretch.top, stretch.bottom) for stretch in pipe.stretches(bed, 10.0, 0.0, 0.0, 5.0)] == [(7.0, inf)]
 
 
 def test_cameras_and_sonars_use_colour_and_echo_of_a_pipeline() -> None:

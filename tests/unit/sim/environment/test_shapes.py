@@ -1,6 +1,7 @@
 """Parametric shapes: sizes and positions, nets that rays pass and vehicles do not, chains, and wrong keys."""
 
 import itertools
+from collections import Counter
 from math import hypot, inf, radians
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,8 @@ import pytest
 from hil.scenario.world_map import map_at
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact
-from sim.environment.things.primitives import hanging
-from sim.environment.things.shapes import HANGS, KINDS
+from sim.environment.things.primitives import hanging, links
+from sim.environment.things.shapes import HANGS, KINDS, Rope
 from sim.environment.world import World, load_world
 from sim.rays.scene import RayScene
 from sim.vehicle.vehicle import load_vehicle
@@ -28,6 +29,10 @@ def world_of(folder: Path, text: str) -> World:
 
 def corners(world: World) -> Any:
     return np.array([corner for mesh in world.mesh for corner in mesh.corners()])
+
+
+def areas_of(sides: Any) -> Any:
+    return 0.5 * np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -74,28 +79,47 @@ def test_the_surface_of_each_kind_is_as_it_was(
 ) -> None:
     parts = KINDS[kind]().parts()
     sides = np.array([triangle for part in parts for triangle in part.triangles])
-    areas = 0.5 * np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1)
+    areas = areas_of(sides)
     assert len(sides) == count
     assert areas.sum() == pytest.approx(area, rel=1e-4)
     assert (areas @ sides.mean(axis=1)) / areas.sum() == pytest.approx(middle, rel=1e-4, abs=1e-9)
-    world = world_of(tmp_path, f'[[shape]]\nkind = "{kind}"\nnorth = 10\neast = -5\necho = 1.5\n')
-    assert {mesh.keys.echo for mesh in world.mesh} == {echo + 1.5}
+    world = world_of(tmp_path, f'[[shape]]\nkind = "{kind}"\nnorth = 10\neast = -5\necho = 1.5\ncolour = [0, 0.1, 1]\n')
+    assert {(mesh.keys.echo, mesh.keys.colour) for mesh in world.mesh} == {(echo + 1.5, (0.0, 0.1, 1.0))}
 
 
 def test_a_chain_hangs_as_a_catenary_and_lies_at_the_depth_of_its_end() -> None:
     line = hanging(30.0, 5.0, 40.0, 4001)
     assert line[-1] == pytest.approx((30.0, 0.0, 5.0), abs=1e-6)
-    free = hanging(20.0, -5.0, 24.0, 4001)  # its end is above its start, so no part lies on the bed
+    free = hanging(20.0, -10.0, 23.0, 4001)  # its end is so far above its start that no part lies on the bed
     length = sum(hypot(b[0] - a[0], b[2] - a[2]) for a, b in itertools.pairwise(free))
-    assert length > 20.0
+    assert length == pytest.approx(23.0, rel=1e-4)
+    assert hanging(3.0, 4.0, 4.9, 5)[1] == (0.75, 0.0, 1.0), "taut"
     assert max(down for _, _, down in line) == pytest.approx(5.0), "it lies"
     level = hanging(20.0, 0.0, 20.5, 4001)
     assert all(down == 0.0 for _, _, down in level), "its ends are on the level that it lies on"
-    steep = hanging(10.0, 40.0, 42.5, 4001)
+    steep = hanging(0.8, 3.2, 3.4, 4001)
     length = sum(hypot(b[0] - a[0], b[2] - a[2]) for a, b in itertools.pairwise(steep))
-    assert length == pytest.approx(42.5, rel=1e-4)
+    assert length == pytest.approx(3.4, rel=1e-4)
     slopes = [(b[2] - a[2]) / (b[0] - a[0]) for a, b in itertools.pairwise(steep)]
     assert slopes == sorted(slopes, reverse=True), "steepest above"
+
+
+def test_a_rope_is_a_closed_tube() -> None:
+    rope = Rope(6.0, -8.0, 11.0, 0.03, sides=6).parts()[0].triangles
+    assert set(Counter(frozenset((t[k - 1], t[k])) for t in rope for k in range(3)).values()) == {2}
+    assert areas_of(np.array(rope)).sum() == pytest.approx(6.0 * 0.015 * 11.0, rel=2e-3), "and its ends"
+
+
+def test_a_chain_has_the_same_links_along_any_line() -> None:
+    """They are 6 bars long and 3.6 wide, every other one turned. A bend does not change their distance."""
+    hanging_down = np.array(links([(1.0, 2.0, 3.0), (1.0, 2.0, 13.0)], 0.1)).reshape(25, -1, 3) - (1.0, 2.0, 3.0)
+    inclined = links([(1.0, 2.0, 3.0)] * 2 + [(4.0, 2.0, 7.0), (7.0, 2.0, 11.0)], 0.1)
+    turned = hanging_down @ np.array([[0.8, 0.0, -0.6], [0.0, 1.0, 0.0], [0.6, 0.0, 0.8]])
+    assert np.array(inclined).reshape(25, -1, 3) - (1.0, 2.0, 3.0) == pytest.approx(turned)
+    sizes, middles = np.ptp(hanging_down, axis=1), hanging_down.mean(axis=1)
+    assert sizes[::2] == pytest.approx(np.tile([0.36, 0.1, 0.6], (13, 1)), abs=0.035)
+    assert sizes[1::2] == pytest.approx(np.tile([0.1, 0.36, 0.6], (12, 1)), abs=0.035)
+    assert middles == pytest.approx(np.outer(np.arange(25) + 0.5, (0.0, 0.0, 0.4)))
 
 
 def test_rays_pass_a_net_in_the_share_of_its_openings(tmp_path: Path) -> None:

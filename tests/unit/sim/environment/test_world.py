@@ -69,6 +69,7 @@ def test_walls_bound_the_clearance() -> None:
 
 BOUNDS = "extent = [0, 9, 0, 9]\ndepth = 30\n"
 WAVES = "[ocean.waves]\nsignificant_height = 1\n"
+SHAPE = "[[shape]]\nnorth = 0\neast = 0\n"
 
 
 @pytest.mark.parametrize(
@@ -96,6 +97,10 @@ WAVES = "[ocean.waves]\nsignificant_height = 1\n"
         ("[ocean.waves]\nsignificant_height = 2.1\npeak_period = 3", "they would break; give a longer peak_period"),
         (f'{WAVES}peak_period = 6\ngamma = 2\nspectrum = "pierson_moskowitz"', "gamma is for jonswap"),
         (f'{WAVES}peak_period = "6 m"', "has the unit 'm'"),
+        ("shape = 3", "shape: expected tables, each under [[shape]]"),
+        (f'{SHAPE}kind = "net"\nmesh = 0.1\ntwine = 0.1', "shape[0]: twine is not thinner than mesh"),
+        (f'{SHAPE}kind = "net_pen"\nmesh = 0.1\ntwine = 0.1', "shape[0]: twine is not thinner than mesh"),
+        (f'{SHAPE}kind = "chain"\ndrop = 801', "shape[0]: 4005 links are more than 4000"),
     ],
 )
 def test_wrong_worlds_are_reported(text: str, message: str, tmp_path: Path) -> None:
