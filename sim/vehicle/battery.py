@@ -104,7 +104,7 @@ class BatteryPack:
     def _solve(self, volts: Sequence[float], amperes: Sequence[float]) -> tuple[int, float]:
         resistance = self._battery.resistance
         available = self.open_circuit - resistance * self._battery.hotel_current
-        start = volts[0] + resistance * amperes[0]
+        start = 0.0  # V, of the first piece
         for piece in range(len(volts) - 1):
             end = volts[piece + 1] + resistance * amperes[piece + 1]
             if available < end:

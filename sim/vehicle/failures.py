@@ -86,7 +86,7 @@ class Failures:
     `step` is the number of steps already made, `pwm_us` the pulses of the last one.
     """
 
-    def __init__(self, names: Sequence[str], dt: float, seed: int, step: int = 0, pwm_us: tuple[int, ...] = ()) -> None:
+    def __init__(self, names: Sequence[str], dt: float, seed: int, step: int, pwm_us: tuple[int, ...]) -> None:
         self._names = list(names)
         self._dt = dt
         self._decay = exp(-dt / NOISE_TIME_CONSTANT)

@@ -70,6 +70,7 @@ v 1 0 4
 v 0 0 4
 vt 0.25 0.9
 vt 0.3 0.8
+vt 0.5 0
 usemtl red
 f 1 2 3
 f 1 3 4
@@ -83,10 +84,10 @@ def test_an_obj_has_the_mean_colour_of_its_materials(tmp_path: Path) -> None:
     (tmp_path / "plates.mtl").write_text(MTL)
     (tmp_path / "red.obj").write_text(OBJ)
     assert world_with(tmp_path, "red.obj").mesh[0].keys.colour == pytest.approx((0.6, 0.1, 0.05), abs=0.003)
-    picture = np.zeros((10, 10, 3), np.uint8)
-    picture[:5, :5] = (188, 255, 0)  # of sRGB 188, 0.503 is reflected
+    picture = np.zeros((10, 20, 3), np.uint8)
+    picture[1, 5] = picture[9, 10] = (188, 255, 0)  # at the middle of each triangle; of sRGB 188, 0.503 is reflected
     Image.fromarray(picture).save(tmp_path / "paint.png")
-    (tmp_path / "both.obj").write_text(OBJ + "usemtl painted\nf 4/1 3/2 5/1\nf 4/1 5/2 6/1\n")
+    (tmp_path / "both.obj").write_text(OBJ + "usemtl painted\nf 4/1 3/2 5/1\nf 4/3 5/3 6/3\n")
     mean = (0.75 * 0.6 + 0.25 * 0.5 * 0.503, 0.75 * 0.1 + 0.25, 0.75 * 0.05)
     assert world_with(tmp_path, "both.obj").mesh[0].keys.colour == pytest.approx(mean, abs=0.003)
     assert world_with(tmp_path, "both.obj", colour=(0.1, 0.2, 0.3)).mesh[0].keys.colour == (0.1, 0.2, 0.3)
@@ -96,18 +97,18 @@ def test_an_obj_has_the_mean_colour_of_its_materials(tmp_path: Path) -> None:
 
 
 def test_a_glb_has_its_base_colour_or_that_of_its_corners(tmp_path: Path) -> None:
-    plate: Any = trimesh.creation.box(SIZES)
+    plate: Any = trimesh.creation.box((0.3, 0.2, 0.1))
     plate.visual = trimesh.visual.TextureVisuals(
         material=trimesh.visual.material.PBRMaterial(baseColorFactor=[51, 102, 204, 255])
     )
     plate.export(str(tmp_path / "base.glb"))
     assert world_with(tmp_path, "base.glb").mesh[0].keys.colour == pytest.approx((0.2, 0.4, 0.8), abs=0.003)
     corners: Any = trimesh.creation.box(SIZES)
-    corners.visual.vertex_colors = [188, 0, 255, 255]
+    corners.visual.vertex_colors = [188, 5, 255, 255]
     corners.export(str(tmp_path / "corners.glb"))  # linear in glTF
     corners.export(str(tmp_path / "corners.ply"))  # sRGB in others
-    assert world_with(tmp_path, "corners.glb").mesh[0].keys.colour == pytest.approx((0.737, 0.0, 1.0), abs=0.003)
-    assert world_with(tmp_path, "corners.ply").mesh[0].keys.colour == pytest.approx((0.503, 0.0, 1.0), abs=0.003)
+    assert world_with(tmp_path, "corners.glb").mesh[0].keys.colour == pytest.approx((0.737, 0.0196, 1.0), abs=0.003)
+    assert world_with(tmp_path, "corners.ply").mesh[0].keys.colour == pytest.approx((0.503, 0.0015, 1.0), abs=0.001)
 
 
 def test_files_without_or_with_unreadable_colours_have_the_common_paint(tmp_path: Path) -> None:

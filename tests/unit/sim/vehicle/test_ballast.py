@@ -215,10 +215,3 @@ def test_a_floating_vehicle_follows_a_long_swell() -> None:
     deep = at_sea(BARE._replace(lift=None), 40.0, world)
     deep.step(idle(BARE))
     assert deep.forces().others == pytest.approx([0.0] * 6, abs=0.05), "only the water turns a little along the hull"
-
-
-def test_calm_water_of_one_density_gives_no_extra_forces() -> None:
-    world = SEA._replace(ocean=Ocean(profile=Profile((0.0, 100.0), (1025.0, 1025.0))))
-    simulation = at_sea(BARE, 0.1, world)
-    simulation.step(idle(BARE))
-    assert simulation.forces().others == pytest.approx([0.0] * 6, abs=1e-9)

@@ -106,8 +106,9 @@ def test_the_battery_energy_is_balanced(resistance: float) -> None:
 def test_the_circuit_is_solved_beyond_the_voltages_of_the_table() -> None:
     """The table gives 2 V, proportional below 10 V, and 25 V, where the current of 20 V holds."""
     load = [performance(1900, volts).current for volts in VOLTS]
-    for volts, ohm in ((2.0, 0.1), (25.0, 0.1)):
-        pack = BatteryPack(parse({**TABLE, "open_circuit": [volts] * 3, "resistance": ohm}, Battery, "test"))
+    for volts, ohm in ((2.0, 0.1), (25.0, 0.1), (19.0, 0.01)):
+        constant = {"charge": [0.0, 1.0], "open_circuit": [volts] * 2, "resistance": ohm}
+        pack = BatteryPack(parse({**TABLE, **constant}, Battery, "test"))
         pack.step(VOLTS, load, 0.01)
         assert pack.state.current == pytest.approx(performance(1900, pack.state.voltage).current)
         assert pack.state.voltage == pytest.approx(volts - ohm * pack.state.current)

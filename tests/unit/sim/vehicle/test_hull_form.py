@@ -17,11 +17,12 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 RHO, G = 1000.0, 9.81
 PLAIN, _ = load_vehicle("paper_six")
+SHORT = bytes(80) + struct.pack("<I", 12) + bytes(12 * 50 - 1)
 
 
 def write_stl(path: Path, triangles: Sequence[Triangle]) -> str:
     rows = [struct.pack("<12fH", 0.0, 0.0, 0.0, *triangle, 0) for triangle in triangles]
-    path.write_bytes(bytes(80) + struct.pack("<I", len(rows)) + b"".join(rows))
+    path.write_bytes(b"solid".ljust(80) + struct.pack("<I", len(rows)) + b"".join(rows))
     return str(path)
 
 
@@ -115,7 +116,7 @@ def test_text_and_binary_files_are_equal(tmp_path: Path) -> None:
     assert [list(t) for t in binary] == [pytest.approx(list(t)) for t in load_stl(str(text), 0.5)]
 
 
-@pytest.mark.parametrize("content", [b"", b"solid x facet vertex a b c", bytes(84), b"PK" * 99])
+@pytest.mark.parametrize("content", [b"", b"solid x facet vertex a b c", bytes(84), b"PK" * 99, SHORT])
 def test_what_is_no_closed_surface_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "bad.stl"
     path.write_bytes(content)

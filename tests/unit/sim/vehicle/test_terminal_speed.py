@@ -8,7 +8,8 @@ import pytest
 from hil.autonomy.control.allocation import Allocator, pseudo_inverse
 from hil.common.schema import preset_names
 from sim.dynamics import Dynamics, State
-from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities, terminal_speed
+from sim.vehicle.body_lift import CrossFlow
+from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities, equipment_drag, terminal_speed
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -125,6 +126,15 @@ def test_a_single_thruster_off_the_middle_drives_no_axis_alone() -> None:
     assert [reach.axis for reach in speeds if reach.driven] == []
     assert all(reach.speed == (0.0, 0.0) for reach in speeds)
     assert tuple(reach.axis for reach in speeds) == AXES
+
+
+def test_each_side_of_a_hull_has_its_own_cross_flow_drag() -> None:
+    flow = CrossFlow((1.2, 0.8), (0.1, 0.5))
+    vehicle = HEAVY._replace(cross_flow=flow, dimensions=(2.0, 0.3, 0.4))
+    sides = vehicle, vehicle._replace(cross_flow=flow._replace(length=3.0, width=0.6, height=0.5))
+    drags = [[equipment_drag(each, 1000.0, axis) for axis in range(4)] for each in sides]
+    assert drags[0] == pytest.approx([0.0, 400.0 * 2.0 * 0.4, 400.0 * 2.0 * 0.3, 0.0])
+    assert drags[1] == pytest.approx([0.0, 400.0 * 3.0 * 0.5, 400.0 * 3.0 * 0.6, 0.0])
 
 
 def test_weight_raises_the_speed_down_and_lowers_it_up() -> None:

@@ -5,6 +5,8 @@ from math import exp
 import pytest
 
 from hil.common.errors import ConfigError
+from sim.vehicle.failures import Failure
+from sim.vehicle.thrusters.azimuth import turned
 from sim.vehicle.thrusters.bank import ThrusterSet, pulse_finder, steady_thrust, wrench_matrix
 from sim.vehicle.vehicle import Thruster, load_vehicle
 
@@ -70,11 +72,24 @@ def test_pulses_may_be_lists_or_tuples_of_the_right_length() -> None:
         one.step([1600] * 5)
 
 
+def test_a_thruster_that_fails_later_sticks_at_its_present_pulse() -> None:
+    thrusters = ThrusterSet(load_vehicle("paper_six")[0], 1.0)
+    thrusters.step((1700,) * 6)
+    thrusters.fail([Failure("front_left", "stuck")])
+    before = thrusters.reports
+    assert before == thrusters.thrusts
+    thrusters.step((1300,) * 6)
+    assert [i for i, (a, b) in enumerate(zip(thrusters.thrusts, before, strict=True)) if a == pytest.approx(b)] == [1]
+    with pytest.raises(ConfigError, match="no thruster 'x'"):
+        thrusters.fail([Failure("x", "off", time=9.0)])
+
+
 def test_one_thruster_has_its_wrench() -> None:
     """The moment is position x force: a push down at the starboard bow rolls to starboard and lowers the bow."""
     vehicle = load_vehicle("paper_six")[0]
     at = (0.1, 0.2, 0.3)
     thrusters = tuple(SQUARE._replace(position=at, direction=d) for d in ((2, 0, 0), (0, 3, 0), (0, 0, 4)))
+    assert [turned(each).direction for each in thrusters] == [(0, 2, 0), (-3, 0, 0), (0, 0, 4)]  # clockwise from above
     columns = list(zip(*wrench_matrix(vehicle._replace(thrusters=thrusters)), strict=True))
     assert columns == [(1, 0, 0, 0, 0.3, -0.2), (0, 1, 0, -0.3, 0, 0.1), (0, 0, 1, 0.2, -0.1, 0)]
 

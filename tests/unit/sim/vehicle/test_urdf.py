@@ -84,18 +84,6 @@ def test_the_model_in_turned_axes_has_the_same_physics() -> None:
     assert (vehicle.volume, vehicle.dimensions) == (0.0301, (0.6, 0.4, 0.35))
 
 
-def test_gazebo_tags_give_the_same_vehicle() -> None:
-    vehicle, _ = read_urdf(str(VECTORS / "hydra_gz.urdf"), KEYS)
-    added = square(vehicle.added_mass, 6)
-    assert [added[i][i] for i in range(6)] == [12.0, 20.0, 32.0, 0.5, 0.7, 0.6]
-    assert added[1][3] == added[3][1] == 0.6  # -0.6 in FLU
-    assert vehicle.linear_damping == hydra().linear_damping
-    assert vehicle.quadratic_damping == hydra().quadratic_damping
-    assert vehicle.thrusters[0].position == (-0.3, -0.1, -0.05)
-    assert vehicle.thrusters[0].direction == (-1.0, 0.0, 0.0)
-    assert vehicle.thrusters[0].max_forward == 60.0
-
-
 def test_missing_values_are_listed_and_not_guessed() -> None:
     with pytest.raises(ConfigError) as caught:
         read_urdf(str(VECTORS / "hydra_gz.urdf"))

@@ -65,6 +65,7 @@ def test_the_control_table_and_common_thruster_keys_are_read(tmp_path: Path) -> 
         ({"thrusters": [{**TABLE["thrusters"][0], "direction": [1e-300, 0, 0]}]}, "direction is shorter than 1e-06"),
         ({"thrusters": [{**TABLE["thrusters"][0], "direction": [1e-160, 1e-160, 0]}]}, "shorter than 1e-06"),
         ({"thrusters": [{**TABLE["thrusters"][0], "pwm_max_us": 1400}]}, "leave no pulse"),
+        ({"thrusters": [{**TABLE["thrusters"][0], "pwm_min_us": 1480, "dead_band_us": 20}]}, "leave no pulse"),
         ({"mass": 11.0, "volume": 11.0}, "write the volume in cubic metres (11 litres are 0.011)"),
         ({"mass": 11_000.0, "volume": 0.011}, "and the mass in kg"),
     ],
