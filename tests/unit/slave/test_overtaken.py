@@ -1,14 +1,13 @@
 """Telemetry that arrives out of order, as on UDP, is neither a restart of the STM32 nor its present state."""
 
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.links.contract import ThrusterTelemetry, has_restarted, is_overtaken
 from hil.slave.drivers.external import ExternalDriver
-from hil.slave.pilot_source import PilotSource
 from tests.support.links.bench_link import BenchLink, link_with_reports
 
 NEUTRAL, PUSHING, OTHER = (1500,) * 6, (1600,) * 6, (1700,) * 6
@@ -76,27 +75,6 @@ def test_an_stm32_that_reports_nothing_for_the_watchdogs_time_counts_as_stopped(
         assert (driver.pwm_us, driver.deadline_ns) == (pulses, begin + NS_PER_S + (pulses == NEUTRAL) * (NS_PER_S + 1))
 
 
-class Pilot:
-    """A pilot whose deadman has tripped, until it is active again."""
-
-    active = False
-
-
-class Stopping:
-    """A command source that has stopped the thrusters, on a link from which these reports are read one by one."""
-
-    def __init__(self, received: list[ThrusterTelemetry]) -> None:
-        self.lines: list[str] = []
-        self.driver, self.pilot, unused = make_driver(received), cast(Any, Pilot()), cast(Any, None)
-        self.source = PilotSource(self.pilot, self.driver, unused, 20_000_000, 2_500_000, unused, self.lines.append)
-        self.source._stopping_ns = now_ns()
-
-    def read(self) -> list[str]:
-        """Read one report; return the lines so far."""
-        self.source.handle_telemetry(self.driver.service(now_ns()), now_ns())
-        return self.lines
-
-
 def test_a_restart_is_reported_and_late_reports_are_ignored(capsys: pytest.CaptureFixture[str]) -> None:
     late = report(99, 49, timed_out=True)
     driver = make_driver([report(100, 50), late, report(101, 51), report(102, 1), report(103, 2)])
@@ -106,16 +84,3 @@ def test_a_restart_is_reported_and_late_reports_are_ignored(capsys: pytest.Captu
     for _ in range(2):
         driver.service(now_ns())
     assert capsys.readouterr().out == "the STM32 has restarted\n"
-
-
-def test_a_report_from_before_the_stop_does_not_confirm_it() -> None:
-    stopping = Stopping([report(100, 50, PUSHING), report(99, 49, NEUTRAL), report(101, 51, NEUTRAL)])
-    for expected in (0, 0, 1):
-        assert len([line for line in stopping.read() if "confirmed by the STM32" in line]) == expected
-
-
-def test_a_stop_is_not_confirmed_after_a_new_command() -> None:
-    """A neutral report after it may be a command of zero speed."""
-    stopping = Stopping([report(100, 50, PUSHING), report(101, 51, NEUTRAL), report(102, 52, NEUTRAL)])
-    for stopping.pilot.active in (False, True, False):
-        assert not stopping.read()

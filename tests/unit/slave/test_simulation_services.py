@@ -75,7 +75,10 @@ def test_an_orientation_of_any_length_is_one(vehicle: Vehicle) -> None:
 
 
 def test_reset_returns_the_vehicle_to_its_start(vehicle: Vehicle) -> None:
-    start = vehicle.start
+    start, name = vehicle.start, vehicle.simulation.vehicle.thrusters[0].name
+    vehicle.loop.fail(Failure(name, "off"))
+    assert vehicle.server.call("/uuv1/reset")["success"]
+    assert (list(vehicle.simulation.failures(name)), vehicle.simulation.time_ns) == ([], 0)
     for scope, done in ((0, OK), (1, UNSUPPORTED), (2, OK), (4, UNSUPPORTED), (255, UNSUPPORTED)):
         vehicle.simulation.state.position, vehicle.simulation.state.nu = [9.0, 9.0, 9.0], [0.1] * 6
         assert code(call(vehicle, "reset_simulation", scope=scope)) == done

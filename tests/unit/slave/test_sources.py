@@ -280,13 +280,18 @@ def test_a_stop_is_confirmed_by_a_neutral_report_after_it() -> None:
     led.source.serve(5 * NS_PER_S)
     assert len(led.lines) == 1
     led.driver.newest = report(1, AHEAD)
-    led.source.handle_telemetry([led.driver.newest], 5 * NS_PER_S)
+    for overtaken in (led.driver.newest, report(0)):
+        led.source.handle_telemetry([overtaken], 5 * NS_PER_S)
     led.driver.newest = report(2)
     led.source.handle_telemetry([], 5 * NS_PER_S)
     assert len(led.lines) == 1, "nothing has come"
     for _ in range(2):
         led.source.handle_telemetry([led.driver.newest], 5 * NS_PER_S + 30 * NS_PER_MS)
     assert led.lines[1:] == ["thrusters neutral: confirmed by the STM32 30 ms after the deadman"]
+    led.source.serve(6 * NS_PER_S)
+    for led.pilot.active in (True, False):  # a new command, perhaps of zero speed
+        led.source.handle_telemetry([led.driver.newest], 6 * NS_PER_S)
+    assert len(led.lines) == 3, "the deadman, but nothing is confirmed"
 
 
 def test_traces_leave_with_the_next_sample_or_after_50_ms_and_the_last_at_the_end() -> None:

@@ -203,24 +203,6 @@ def test_disarming_sets_neutral_and_refuses_commands(vehicle: Vehicle) -> None:
     assert set(loop.driver.pwm_us) != {1500}
 
 
-def test_reset_restores_the_start_at_rest_with_all_thrusters_repaired(vehicle: Vehicle) -> None:
-    name = vehicle.simulation.vehicle.thrusters[0].name
-    vehicle.server.call(f"/uuv1/thrusters/{name}/fail", {"data": True})
-    vehicle.command(0.8)
-    vehicle.run(400)
-    before, start = vehicle.simulation.time_ns, vehicle.start
-    assert vehicle.server.call("/uuv1/reset")["success"]
-    state = vehicle.simulation.state
-    assert list(state.position) == [start.north, start.east, start.depth]
-    assert list(state.nu) == [0.0] * 6
-    assert to_euler(state.quaternion)[2] == pytest.approx(start.heading)
-    assert vehicle.simulation.time_ns == before, "simulated time continues"
-    vehicle.command(0.8)
-    vehicle.run(400)
-    assert vehicle.simulation.thrusts[0] != 0.0
-    assert vehicle.simulation.state.nu[0] > 0.2
-
-
 def test_a_thruster_fails_and_is_repaired(vehicle: Vehicle) -> None:
     name = vehicle.simulation.vehicle.thrusters[0].name
     vehicle.command(0.8)
