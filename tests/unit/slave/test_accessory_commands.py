@@ -7,15 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
-from hil.ros import encoders as ros
 from hil.ros.joints import encode_accessories
 from hil.scenario.config import load_scenario
-from hil.slave.command_receiver import CommandReceiver
 from hil.slave.imaging.process import Studio
+from tests.support.flights.flying import Bench, twist
 
 MASTER, OTHER = b"m" * 16, b"o" * 16
-FORWARD = ros.encode_twist((0.2, 0.0, 0.0), (0.0, 0.0, 0.0))
 LIT = """
 vehicle = "bluerov2"
 world = "pool"
@@ -31,18 +28,13 @@ field_of_view = 0.2
 """
 
 
-class Sender:
-    """Sends messages to a command receiver, and keeps the accessories that it moves."""
+class Sender(Bench):
+    """A bench that keeps the accessories that are moved."""
 
     def __init__(self) -> None:
-        self.receiver = CommandReceiver(NS_PER_S)
+        super().__init__()
         self.moved: dict[str, float] = {}
-        self.receiver.move = self.moved.update
-        self._sequence = 0
-
-    def send(self, topic: str, payload: bytes, gid: bytes) -> None:
-        self._sequence += 1
-        self.receiver.on_message(topic, payload, ros.pack_attachment(self._sequence, to_wall_ns(now_ns()), gid))
+        self.command_receiver.move = self.moved.update
 
     def light(self, share: float, gid: bytes) -> None:
         self.send("cmd_accessories", encode_accessories(0, {"lights": share}), gid)
@@ -52,28 +44,29 @@ class Sender:
 def sender() -> Iterator[Sender]:
     made = Sender()
     yield made
-    made.receiver.close()
+    made.command_receiver.close()
 
 
 def test_accessories_need_the_permission_of_the_active_master_and_make_none(sender: Sender) -> None:
+    receiver = sender.command_receiver
     sender.light(0.5, OTHER)  # nobody commands
-    assert (sender.moved, sender.receiver.master, sender.receiver.take_latest()) == ({"lights": 0.5}, b"", None)
-    sender.receiver.ranks[MASTER] = 0
-    sender.send("cmd_vel", FORWARD, MASTER)
+    assert (sender.moved, receiver.master, receiver.take_latest()) == ({"lights": 0.5}, b"", None)
+    receiver.ranks[MASTER] = 0
+    sender.send("cmd_vel", twist(surge=0.2), MASTER)
     sender.light(0.1, OTHER)
-    assert (sender.moved, sender.receiver.refused) == ({"lights": 0.5}, 1)
+    assert (sender.moved, receiver.refused) == ({"lights": 0.5}, 1)
     sender.light(0.2, MASTER)
     assert sender.moved == {"lights": 0.2}
-    newest = sender.receiver.take_latest()
+    newest = receiver.take_latest()
     assert newest, "the velocity still counts"
     assert newest.sequence == 2
 
 
 def test_a_vehicle_without_accessories_says_so(sender: Sender) -> None:
-    sender.receiver.move = None
+    sender.command_receiver.move = None
     sender.light(1.0, MASTER)
-    assert sender.receiver.malformed == 1
-    assert sender.receiver.fault == "cmd_accessories: the vehicle has no [accessories]"
+    assert sender.command_receiver.malformed == 1
+    assert sender.command_receiver.fault == "cmd_accessories: the vehicle has no [accessories]"
 
 
 def test_the_imaging_process_uses_lights_and_tilt_of_a_request(tmp_path: Path) -> None:

@@ -30,9 +30,10 @@ from tests.support.clients.imaging_slave import SENSORS
 from tests.support.links.link_contract import PATIENCE_S, nothing_leaks
 from tests.support.processes import write_scenario
 
+ORIGIN = {"x": 0.0, "y": 0.0, "z": 0.0}
 TETHER = '[tether]\nlength = "12 m"\nanchor = [0.0, 0.0, 0.0]\nsegments = 6\n'
-AWAITED = {"trace", "motors", "accessories", "tether", *DESCRIPTIONS}  # once they are sent, the slave is stopped
-ELSEWHERE = re.compile("autop|startup|labels|thrusters_d|link_faults|may_|clock_|temper|throttled|cpu_mhz|services$")
+AWAITED = {"diagnostics", "trace", "motors", "accessories", "tether", *DESCRIPTIONS}  # then it is stopped
+ELSEWHERE = re.compile("autopilot|startup|thrusters_d|link_faults|may_|clock_|temper|throttled|cpu_mhz|services$")
 
 
 class Network:
@@ -51,6 +52,8 @@ class Network:
         patch.setattr("hil.slave.notify.notify", self.used.append)
         patch.setattr("hil.slave.spawn.start_program", self._start)
         patch.setattr("hil.slave.ros.descriptions._run", lambda name, setup: (MAKERS[name](pickle.loads(setup)), ""))
+        patch.setattr("hil.slave.health.reporter.MIN_PERIOD_S", 0.001)
+        patch.setenv("UUV_HIL_EMULATED", "a label")
         patch.setattr(daemon, "StopSignals", lambda: nullcontext(self.stop))
 
     def _publisher(self, _node: str, topic: Any, **_: Any) -> Any:
@@ -121,7 +124,8 @@ def check_graph(network: Network) -> None:
     keys = [call.args[0] for call in network.session.declare_token.call_args_list]
     topics = {(each.kind, each.topic) for each in map(read_token, keys) if each}
     assert {topic for kind, topic in topics if kind == "MS"} == {f"/uuv1/{name}" for name in COMMANDS}
-    assert {("MP", TOPICS[name].full_name("uuv1")) for name in (*network.sent, "altitude")} < topics
+    published = *network.sent, "altitude", "/parameter_events"
+    assert {("MP", TOPICS[name].full_name("uuv1")) for name in published} < topics
     assert not [topic for _, topic in topics if "camera" in topic], "the imaging process publishes them"
     assert [key for key in keys if "/alive/slave/" in key]
     assert network.session.answer.call_args.args[0] == "uuv_hil/uuv1/last/*"
@@ -136,19 +140,22 @@ def check_messages(network: Network, links: list[str]) -> None:
     assert wrench["header"]["frame_id"] == "v/base_link"
     assert len(joints["effort"]) == len(first["motors"]["data"]) / 3 == 6
     level, turned, *_ = [
-        {each["child_frame_id"]: each["transform"]["rotation"]["y"] for each in found["transforms"]}
+        {each["child_frame_id"]: each["transform"] for each in found["transforms"]}
         for found in network.messages("/tf_static")
     ]
     heads = "dvl_transducer_link", "camera_optical_frame", "forward_sonar_fan"
     assert set(level) == set(turned) == {f"v/{name}" for name in ("odom", *links, *heads)}
+    assert level["v/odom"] == level["v/camera_link"] == {"translation": ORIGIN, "rotation": {**ORIGIN, "w": 1.0}}
+    assert level["v/camera_optical_frame"]["translation"] == ORIGIN
     lights, tilt, _ = accessories["position"]
-    expected = 0.25, 0.0, pytest.approx(-sin(0.5 * tilt * 0.25 * pi), abs=1e-9)
-    assert (lights, level["v/camera_link"], turned["v/camera_link"]) == expected
+    assert (lights, tilt > 0.0) == (0.25, True)
+    assert turned["v/camera_link"]["rotation"]["y"] == pytest.approx(-sin(0.5 * tilt * 0.25 * pi), abs=1e-9)
     lines = [each["msg"] for each in network.messages("/rosout")]
     assert (lines[0], lines[-2:]) == ("a note", ["stopping", "thrusters neutral"])
     figures = Diagnostics((ros.decode_diagnostics(network.sent["diagnostics"][-1]) or [])[0][3])
     assert not [name for name in Diagnostics.FIGURES if name not in figures.raw and not ELSEWHERE.match(name)]
     assert (figures.commands_received, figures.commands_malformed, figures.commands_taken) == (2, 0, 1)
+    assert "WATCHDOG=1" in network.used, "the loop advances"
     assert (figures.thrusters_unwatched, figures.pings_dropped, figures.link_wire) == ("", 6, "pty")
     assert {name: len(network.sent[name]) for name in DESCRIPTIONS} == dict.fromkeys(DESCRIPTIONS, 1)
     assert '<robot name="bluerov2">' in first["robot_description"]["data"]

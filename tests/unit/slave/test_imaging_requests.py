@@ -2,15 +2,16 @@
 
 import os
 from pathlib import Path
+from signal import SIGKILL, SIGTERM
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.config import load_scenario
 from hil.slave.imaging import sensors as module
-from hil.slave.imaging.sensors import DONE, LASTING, REQUEST, STEADY_NS, Imaging
+from hil.slave.imaging.sensors import DONE, GRACE_S, LASTING, REQUEST, STEADY_NS, Imaging
 from tests.support.clients.imaging_slave import SENSORS
 from tests.support.processes import write_scenario
 
@@ -66,3 +67,37 @@ def test_a_process_is_started_again_after_longer_pauses(tmp_path: Path, monkeypa
     imaging._run(b"")
     assert pauses == [0.5, 1.0, 2.0, 3.0, 0.5, 1.0, 2.0, 3.0]
     assert (imaging.restarts, len(lines), lines[-1]) == (8, 9, f"no pictures: exit code {LASTING[0]}")
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # a pipe closes when its last user drops it
+def test_a_process_gets_its_setup_and_its_end_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told, signals, waits = list[Any](), list[Any](), list[float]()
+
+    def report(line: str) -> None:
+        ends = [each and os.get_blocking(each.fileno()) for each in (imaging._requests, imaging._replies)]
+        told.append((line, imaging.children, imaging._busy, ends))
+
+    def live(status: int) -> tuple[str, int]:
+        (setup, to_it), (answers, from_it), (errors, its_errors) = (os.pipe() for _ in range(3))
+        monkeypatch.setattr("hil.slave.spawn.spawn_piped", lambda *_, **__: (77, to_it, answers, errors))
+        monkeypatch.setattr(os, "waitpid", lambda *_: (77, status))
+        os.write(its_errors, b"note: hello\nlast words\n\n")
+        os.close(its_errors)
+        imaging._busy = [True] * 2
+        end = imaging._live(b"setup")
+        assert os.read(setup, 9) + os.read(setup, 9) == b"setup", "the pipe is closed after it"
+        for descriptor in (setup, from_it):
+            os.close(descriptor)
+        return end
+
+    imaging = Imaging(load_scenario(str(write_scenario(tmp_path, top=SENSORS)[0])), report)
+    monkeypatch.setattr(os, "kill", lambda *signal: signals.append(signal))
+    assert live(9) == ("signal 9: last words", -9)
+    assert live(1 << 8) == ("exit code 1: last words", 1)
+    assert live(LASTING[0] << 8) == ("last words", LASTING[0])
+    assert (told, imaging.children) == ([("imaging: hello", (77,), [False, False], [False, False])] * 3, ())
+    imaging.pid, imaging._thread = 77, cast(Any, SimpleNamespace(join=waits.append, is_alive=lambda: True))
+    imaging.close()
+    assert (signals, waits, imaging.pid) == ([(77, SIGTERM), (77, SIGKILL)], [GRACE_S] * 2, 0)
+    live(0)
+    assert (signals[2:], told[3][3]) == ([(77, SIGTERM)], [None, None]), "it has started meanwhile"

@@ -77,10 +77,14 @@ def test_an_stm32_that_reports_nothing_for_the_watchdogs_time_counts_as_stopped(
 
 def test_a_restart_is_reported_and_late_reports_are_ignored(capsys: pytest.CaptureFixture[str]) -> None:
     late = report(99, 49, timed_out=True)
-    driver = make_driver([report(100, 50), late, report(101, 51), report(102, 1), report(103, 2)])
+    tripped = [report(104 + number, 3 + number, timed_out=True) for number in range(2)]
+    driver = make_driver([report(100, 50), late, report(101, 51), report(102, 1), report(103, 2), *tripped])
     for _ in range(3):
         driver.service(now_ns())
     assert not capsys.readouterr().out
     for _ in range(2):
         driver.service(now_ns())
     assert capsys.readouterr().out == "the STM32 has restarted\n"
+    for _ in tripped:
+        driver.service(now_ns())
+    assert capsys.readouterr().out == "the STM32's watchdog tripped: thrusters neutral\n"

@@ -8,6 +8,7 @@ from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
 from hil.common.clock import NS_PER_MS
 from hil.common.errors import ConfigError
 from hil.common.schema import parse
+from hil.links.contract import ThrusterCommand
 from hil.scenario.config import load_scenario
 from hil.slave.pilot import Pilot, _drags, build_pilot
 from hil.slave.plant_model import plant_of
@@ -32,15 +33,9 @@ def new_pilot(deadman_ms: int = 500) -> Pilot:
     return Pilot(VEHICLE, gains, WORLD.density * WORLD.gravity, deadman_ms * NS_PER_MS)
 
 
-def test_thrusters_are_neutral_before_the_first_command() -> None:
-    command, tripped = new_pilot().update(0, 0.02)
-    assert not command.armed
-    assert command.pwm_us == NEUTRAL
-    assert not tripped
-
-
 def test_the_deadman_trips_once_and_a_command_ends_it() -> None:
     pilot = new_pilot()
+    assert pilot.update(0, 0.02) == (ThrusterCommand(1, False, NEUTRAL), False), "before the first command"
     pilot.set_command(VelocityCommand(surge=1.0), now=0)
     command, tripped = pilot.update(500 * NS_PER_MS, 0.02)
     assert command.armed

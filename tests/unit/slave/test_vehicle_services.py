@@ -40,18 +40,14 @@ VEHICLES = sorted(path.stem for path in (ROOT / "sim" / "vehicles").glob("*.toml
 class SilentSamplePublisher:
     """A publisher without subscribers."""
 
-    published = 0
-
     def __init__(self) -> None:
         self.stamps = Stamps(0, 0)
-        self.put_payloads: list[tuple[str, bytes]] = []
 
     def publish_sample(self, topic: str, sample: Any) -> bool:
-        self.published += 1
         return False
 
     def publish(self, name: str, payload: bytes) -> None:
-        self.put_payloads.append((name, payload))
+        """Do nothing: nobody listens."""
 
     def wake_publisher(self) -> None:
         """Do nothing, because there is nothing to send."""
@@ -126,28 +122,19 @@ def pose(x: float, y: float, z: float, yaw: float = 0.0, **fields: Any) -> dict[
 
 
 def test_the_offered_services_are_complete(vehicle: Vehicle) -> None:
-    thrusters = [thruster.name for thruster in vehicle.simulation.vehicle.thrusters]
-    expected = {"/uuv1/arm": "std_srvs/srv/SetBool", "/uuv1/reset": "std_srvs/srv/Trigger"}
-    expected["/uuv1/get_type_description"] = "type_description_interfaces/srv/GetTypeDescription"
-    expected["/uuv1/set_pose"] = "simulation_interfaces/srv/SetEntityState"
-    expected["/uuv1/set_entity_state"] = "simulation_interfaces/srv/SetEntityState"
-    expected |= {
-        f"/uuv1/{name}": f"simulation_interfaces/srv/{kind}"
-        for name, kind in (
-            ("get_simulator_features", "GetSimulatorFeatures"), ("reset_simulation", "ResetSimulation"),
-            ("get_entity_state", "GetEntityState"), ("get_simulation_state", "GetSimulationState"),
-            ("set_simulation_state", "SetSimulationState"),
-            ("step_simulation", "StepSimulation"),
-        )
-    }  # fmt: skip
-    expected |= {f"/uuv1/thrusters/{name}/fail": "std_srvs/srv/SetBool" for name in thrusters}
-    expected |= {
-        f"/uuv1/{name}": f"rcl_interfaces/srv/{name.title().replace('_', '')}"
-        for name in ("list_parameters", "get_parameters", "get_parameter_types", "describe_parameters")
-    }
-    expected["/uuv1/set_parameters"] = "rcl_interfaces/srv/SetParameters"
-    expected["/uuv1/set_parameters_atomically"] = "rcl_interfaces/srv/SetParametersAtomically"
-    assert {name: type_name for name, (type_name, _) in vehicle.server.offered.items()} == expected
+    expected = {"arm": "std_srvs/srv/SetBool", "reset": "std_srvs/srv/Trigger"}
+    expected["set_pose"] = "simulation_interfaces/srv/SetEntityState"
+    expected |= {f"thrusters/{one.name}/fail": expected["arm"] for one in vehicle.simulation.vehicle.thrusters}
+    for package, names in {
+        "simulation_interfaces": "get_simulator_features reset_simulation get_entity_state set_entity_state "
+        "get_simulation_state set_simulation_state step_simulation",
+        "rcl_interfaces": "list_parameters get_parameters get_parameter_types describe_parameters set_parameters "
+        "set_parameters_atomically",
+        "type_description_interfaces": "get_type_description",
+    }.items():
+        expected |= {name: f"{package}/srv/{name.title().replace('_', '')}" for name in names.split()}
+    offered = {name.removeprefix("/uuv1/"): type_name for name, (type_name, _) in vehicle.server.offered.items()}
+    assert offered == expected
 
 
 def test_types_are_described_as_their_hash_says(vehicle: Vehicle) -> None:

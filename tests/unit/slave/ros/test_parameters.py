@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from hil.common.errors import ConfigError
-from hil.slave.ros.parameters import MAX, Parameters, _is_below, failures_text, read_failures
+from hil.slave.ros.parameters import MAX, Parameters, _is_below, read_failures
 from sim.tether import TetherKeys
 from sim.vehicle.failures import Failure
 
@@ -85,16 +85,6 @@ def test_invalid_values_are_refused_with_a_reason() -> None:
 def test_a_wrong_failure_of_a_thruster_is_refused(text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         read_failures(text, "nose", "failures.nose")
-
-
-def test_every_failure_is_written_as_it_is_read() -> None:
-    texts = ['kind = "off"', 'kind = "efficiency", efficiency = 0.4', 'kind = "stuck", pwm_us = 1650',
-             'kind = "delayed", delay = 0.3', 'kind = "noisy", noise = 0.2']  # fmt: skip
-    for text in [*texts, "; ".join(texts)]:
-        failures = read_failures(text, "nose", "failures.nose")
-        assert {failure.thruster for failure in failures} == {"nose"}
-        assert failures_text(failures) == text
-    assert read_failures(" ; ", "nose", "failures.nose") == []
 
 
 def test_without_a_tether_there_are_no_parameters() -> None:
