@@ -15,6 +15,7 @@ from sim.sensors.mounting import Mounting
 Floats = NDArray[np.float32]
 
 _MAX_TAPS = 32  # number of positions on the path of a pixel that are averaged for blur
+_MIN_FLOW = 0.25  # pixels: smaller shifts change no pixel, and are not computed
 
 
 class RawPicture(NamedTuple):
@@ -63,12 +64,12 @@ class Motion:
         """Return the picture with the skew of the rolling shutter and with motion blur."""
         right, down = self.flow(mounting, nu, picture.ranges)
         max_flow = float(np.hypot(right, down).max(initial=0.0))
-        if self._readout:
+        if self._readout and max_flow * self._readout > _MIN_FLOW:
             # A late row shows what is at an earlier point of the flow in the picture of the middle time.
             pixels = self._pixels_at(right * -self._row_times, down * -self._row_times)
             picture = RawPicture(picture.radiance[pixels], np.asarray(picture.ranges)[pixels], picture.objects[pixels])
             right, down = right[pixels], down[pixels]
-        if self._exposure:
+        if self._exposure and max_flow * self._exposure > _MIN_FLOW:
             taps = min(max(2, int(max_flow * self._exposure) + 1), _MAX_TAPS)
             total = np.zeros_like(picture.radiance)
             for instant in (np.arange(taps) + 0.5) / taps - 0.5:
