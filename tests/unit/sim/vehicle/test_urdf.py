@@ -84,13 +84,6 @@ def test_the_model_in_turned_axes_has_the_same_physics() -> None:
     assert (vehicle.volume, vehicle.dimensions) == (0.0301, (0.6, 0.4, 0.35))
 
 
-def test_missing_values_are_listed_and_not_guessed() -> None:
-    with pytest.raises(ConfigError) as caught:
-        read_urdf(str(VECTORS / "hydra_gz.urdf"))
-    listed = "volume, dimensions, center_of_buoyancy, [every_thruster] max_forward, [every_thruster] max_reverse"
-    assert f"does not say {listed}: write them" in str(caught.value)
-
-
 def test_thrust_that_a_model_lacks_reaches_a_usual_speed() -> None:
     """Its simulator has no limit then."""
     text = re.sub(r"<thrust_m..>.*?</thrust_m..>", "", (VECTORS / "hydra.urdf").read_text())

@@ -57,11 +57,12 @@ def matrix(vehicle: Vehicle, key: str) -> NDArray[np.float64]:
     ("parts", "missing"),
     [
         ((HULL, THRUSTER, UUV.replace("volume>", "none>")), "volume"),  # that of collisions is only Gazebo's
-        ((HULL.replace("collision>", "none>"), THRUSTER, GAZEBO), "volume, dimensions, center_of_buoyancy"),
+        ((HULL.replace("collision>", "none>"), THRUSTER.replace("clamp", "no"), GAZEBO),
+         r"volume, dimensions, center_of_buoyancy, \[every_thruster\] max_forward, \[every_thruster\] max_reverse"),
         ((HULL, ARM, THRUSTER, ARM_WATER.replace("box>", "none>").replace("fossen", "cylinder")), "<radius>"),
         ((HULL, THRUSTER, '<plugin filename="hydrodynamics"/>'), "added_mass, linear_damping, quadratic_damping"),
     ],
-)
+)  # fmt: skip
 def test_what_no_tag_gives_is_missing(parts: tuple[str, ...], missing: str) -> None:
     with pytest.raises(ConfigError, match=f"does not say {missing}: write"):
         imported(*parts)

@@ -88,12 +88,9 @@ def test_sensors_have_the_errors_of_their_simulator() -> None:
     error = {"offset": -0.2 * 9810.0, "noise": 981.0, "turn_on": 2943.0}
     settled = error | {"bias": 0.05 * 9810.0, "bias_time": 50.0}
     assert found.sensors["pressure"].pop("error") == pytest.approx(settled)
-    assert found.sensors == {
-        "pressure": {"position": [1.0, -2.0, -3.0]},
-        "camera": {"position": [0.0] * 3, "depth": True},
-        "laser": {"position": [0.0] * 3},
-        "imu": {"position": [0.0] * 3},
-    }
+    here = {"position": [0.0] * 3}
+    others = {"camera": here | {"depth": True}, "laser": here, "imu": here}
+    assert found.sensors == {"pressure": {"position": [1.0, -2.0, -3.0]}, **others}
     assert endless.sensors["pressure"]["error"] == pytest.approx(error)
     assert found.notes == [
         f"Left out: the sensor {label}, of a kind that there is not." for label in ("'lost' (imu)", "sound")

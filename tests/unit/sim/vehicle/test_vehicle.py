@@ -1,5 +1,6 @@
 """Vehicle files: presets, common keys, and the rigid body mass matrix."""
 
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +12,11 @@ from sim.matrices import inverse, product
 from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix
 
 TABLE: dict[str, Any] = {
-    "name": "cube",
-    "source": "test",
-    "mass": 10.0,
-    "volume": 0.01,
-    "dimensions": [0.3, 0.3, 0.3],
-    "inertia": [0.1, 0.1, 0.1],
-    "center_of_buoyancy": [0.0, 0.0, -0.01],
-    "added_mass": [5.0, 5.0, 5.0, 0.1, 0.1, 0.1],
-    "linear_damping": [1.0] * 6,
-    "quadratic_damping": [10.0] * 6,
+    "name": "cube", "source": "test", "mass": 10.0, "volume": 0.01, "dimensions": [0.3, 0.3, 0.3],
+    "inertia": [0.1, 0.1, 0.1], "center_of_buoyancy": [0.0, 0.0, -0.01],
+    "added_mass": [5.0, 5.0, 5.0, 0.1, 0.1, 0.1], "linear_damping": [1.0] * 6, "quadratic_damping": [10.0] * 6,
     "thrusters": [{"name": "a", "position": [0, 0, 0], "direction": [3, 4, 0], "max_forward": 10, "max_reverse": 5}],
-}
+}  # fmt: skip
 
 
 def build(**changes: Any) -> Vehicle:
@@ -47,6 +41,12 @@ def test_the_control_table_and_common_thruster_keys_are_read(tmp_path: Path) -> 
     vehicle, control = load_vehicle(str(path))
     assert control == {"gain": 3}
     assert vehicle == load_vehicle("paper_six")[0]
+    wrong = text.replace("[every_thruster]", '[every_thruster]\ntorq = 1\ndiameter = "x"')
+    path.write_text(wrong.replace('name = "rear_left"', 'name = "rear_left"\ncurv = 3'))
+    with pytest.raises(ConfigError) as caught:
+        load_vehicle(str(path))
+    places = [problem.removeprefix(f"{path}: ").partition(" ")[0] for problem in caught.value.args]
+    assert places == ["every_thruster:", "every_thruster:", "thrusters[3]:"]  # a common mistake is reported once
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,10 @@ def test_the_control_table_and_common_thruster_keys_are_read(tmp_path: Path) -> 
         ({"added_mass": [-20.0, 5.0, 5.0, 0.1, 0.1, 0.1]}, "write added mass positive"),
         ({"added_mass": [1.0] + [0.0] * 34 + [1.0, 2.0]}, "added_mass needs 6 numbers"),
         ({"added_mass": [1.0, 2.0] + [0.0] * 34}, "added_mass is not symmetric"),
+        ({"inertia": [0.1, 0.1, 0.21]}, "inertia is that of no body"),
         ({"linear_damping": [-1.0] * 6}, "linear_damping is negative"),
+        ({"linear_damping": [1.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0] + [1.0, *[0.0] * 6] * 4 + [1.0]}, "makes energy"),
+        ({"forward_speed_damping": [1.0] * 5}, "forward_speed_damping needs 6 numbers"),
         ({"thrusters": []}, "1 to 16 thrusters, found 0"),
         ({"thrusters": TABLE["thrusters"] * 2}, "same name"),
         ({"thrusters": [{**TABLE["thrusters"][0], "direction": [0, 0, 0]}]}, "'a': direction is zero"),
@@ -74,6 +77,18 @@ def test_wrong_vehicles_are_reported(changes: dict[str, Any], message: str) -> N
     with pytest.raises(ConfigError, match=r"test\.toml") as caught:
         build(**changes)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"mass": inf}, "mass: inf is not finite"), ({"inertia": (0.1, nan, 0.1)}, "inertia: nan is not finite"),
+        ({"dimensions": (0.3, 0.3, 0.0)}, "must be above 0"), ({"munk_share": (0.0, 1.0, 1.1)}, "munk_share: each"),
+        ({"capsize_tilt": 0.0}, "capsize_tilt: 0 rad is outside"), ({"capsize_tilt": 0.5}, "None"),
+    ],
+)  # fmt: skip
+def test_a_vehicle_that_is_no_file_is_checked_as_well(changes: dict[str, Any], problem: str) -> None:
+    assert problem in str(build()._replace(**changes).validate())
 
 
 def test_a_thruster_direction_may_have_any_length() -> None:
