@@ -16,8 +16,8 @@ _DECADES = 4.0  # of true intensities that are shown, from white down to black
 def scale_echoes(sample: SonarImageSample) -> NDArray[Any]:
     """Return the echoes (bins x beams) as 0 to 1; true intensities on a scale of 40 dB below the maximum."""
     if sample.encoding == "uint8":
-        return np.frombuffer(sample.intensities, np.uint8).reshape(sample.bins, -1) / 255.0
-    echoes = np.frombuffer(sample.intensities, np.float32).reshape(sample.bins, -1)
+        return np.frombuffer(sample.intensities, np.uint8).reshape(sample.bins, len(sample.beams)) / 255.0
+    echoes = np.frombuffer(sample.intensities, np.float32).reshape(sample.bins, len(sample.beams))
     maximum = float(echoes.max(initial=0.0)) or 1.0
     scaled: NDArray[Any] = np.clip(1.0 + np.log10(np.maximum(echoes / maximum, 10.0**-_DECADES)) / _DECADES, 0.0, 1.0)
     return scaled

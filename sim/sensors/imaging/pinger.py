@@ -126,8 +126,8 @@ class Pinger:
         beam: NDArray[np.int64],
     ) -> Rays:  # fmt: skip
         hits = self._rays.hits(position, directions, self._reach, rotation.ravel().tolist())
-        normals = np.frombuffer(hits.normals).reshape(-1, 3)
-        points, objects = np.frombuffer(hits.points).reshape(-1, 3), np.frombuffer(hits.objects, np.int32)
+        normals, points = (np.frombuffer(vectors).reshape(directions.shape) for vectors in (hits.normals, hits.points))
+        objects = np.frombuffer(hits.objects, np.int32)
         return Rays(directions, edges, weights, beam, np.frombuffer(hits.distances), points, normals, objects)
 
     def _split_rays(self, lattice: Lattice, cells: Cells) -> tuple[Floats, tuple[Floats, ...], Floats, Any]:
@@ -231,8 +231,6 @@ def _limit_by_hits(near: Floats, far: Floats, ranges: Floats, energy: Floats, ob
     nearest and farthest hits, which does not change the edges of a plane.
     """
     on_object = (objects > SEABED) & (energy > 0.0)
-    if not on_object.any():
-        return near, far
     number = int(objects.max()) + 1
     first, last = np.full(number, np.inf), np.zeros(number)
     hit_objects = objects[on_object]

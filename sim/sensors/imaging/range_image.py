@@ -67,8 +67,8 @@ class RangeImager:
         self._rays = RayScene(scene.world)
         across = np.linspace(-0.5, 0.5, model.width) * model.field_across
         up = (np.linspace(-0.5, 0.5, model.height) * model.field_down)[:, None]
-        axes = np.cos(up) * np.cos(across), np.cos(up) * np.sin(across), -np.sin(up) + 0.0 * across
-        self._directions = np.stack(axes, axis=-1).reshape(-1)
+        axes = np.broadcast_arrays(np.cos(up) * np.cos(across), np.cos(up) * np.sin(across), -np.sin(up))
+        self._directions = np.stack(axes, axis=-1).ravel()
         self._absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         self._random = np.random.Generator(np.random.SFC64(sensor_random(seed, self.topic).getrandbits(64)))
 
@@ -84,7 +84,7 @@ class RangeImager:
         rotation = matrix(self._mounting.attitude(state))
         hits = self._rays.hits(position, self._directions, model.max_range, rotation)
         ranges = np.asarray(hits.distances)
-        normals, points = np.asarray(hits.normals).reshape(-1, 3), np.asarray(hits.points).reshape(-1, 3)
+        normals, points = (np.asarray(vectors).reshape(len(ranges), 3) for vectors in (hits.normals, hits.points))
         cosines = np.abs(((np.array(position) - points) * normals).sum(axis=1)) / ranges
         speckle = self._random.standard_normal(len(ranges)) * _SPECKLE
         with np.errstate(invalid="ignore"):

@@ -137,7 +137,7 @@ def _aperture(model: SideScanModel) -> "Aperture":
     def unit(down: "Floats") -> "Floats":
         side, along, down = np.meshgrid([-1.0, 1.0], alongs, down, indexing="ij")
         vectors = [np.sin(along), side * np.cos(along) * np.cos(down), np.cos(along) * np.sin(down)]
-        return np.stack(vectors, axis=-1).reshape(2 * model.slices, -1, 3)
+        return np.concatenate(np.stack(vectors, axis=-1))
 
     across_weights = beam_pattern(downs - model.depression, model.beam_height) ** 2 * np.diff(edges)
     along_weights = beam_pattern(alongs, model.beam_width) ** 2 * (np.sin(along_edges[1:]) - np.sin(along_edges[:-1]))

@@ -54,7 +54,7 @@ class Altimeter:
         """Return the measurement of `state`."""
         distance = self._distance(time_ns, state)
         near, far = self._limits
-        (measured,) = self._errors.measure([distance if distance <= far else far])
+        (measured,) = self._errors.measure([min(distance, far)])
         if distance > far:
             measured = inf
         elif distance < near:

@@ -69,7 +69,7 @@ class Profiler(Fan):
         bottom = scene.world.bottom
         self._seabed = 10.0 ** (0.1 * (model.seabed_strength + (PROPERTIES[bottom.kind].echo if bottom else 0.0)))
         self._objects = 10.0 ** (0.1 * model.object_strength)
-        self._kinds, self._ratios = scene.world.bottom_map, [1.0]
+        self._kinds, self._ratios = scene.world.bottom_map, list[float]()
         if self._kinds:
             from sim.environment.things.bottom_map import echo_ratios
 

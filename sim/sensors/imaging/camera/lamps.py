@@ -31,7 +31,7 @@ class Lamps:
         self._offset, self._brightness = offset, brightness
         self._shadows, self._backscatter, self._reach = shadows, backscatter, reach
         self._water: Water | None = None
-        self._table = np.zeros((3, _RANGES, _ANGLES), np.float32)
+        self._table: Floats  # of that water
 
     def lamp_lights(self, rays: RayScene, position: Any, starboard: Any, surfaces: SurfaceHits) -> list[LampLight]:
         """Return the light of both lamps at `surfaces`; `position` and `starboard` (y axis) of the camera in NED."""

@@ -44,7 +44,7 @@ class PictureRenderer:
         self._rays = RayScene(scene.world.as_seen())
         self._surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
         self._scenery = Scenery(scene.world.as_seen(), self._surface)
-        self._water, self._water_depth = CLEAR, -1.0
+        self._water, self._water_depth = CLEAR, np.nan  # m: none yet
         self._effects = Effects(model, intrinsics.fx, self._toward, seed)
         can_shade = self._scenery.bottom_map is None and not self._effects.changes_light
         compiled = load_picture() if can_shade else None
