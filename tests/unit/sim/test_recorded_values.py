@@ -47,9 +47,7 @@ from sim.sdf.as_urdf import as_urdf
 from sim.sensors.error import ErrorModel
 from sim.sensors.imaging.camera.lamps import Lamps
 from sim.sensors.imaging.camera.motion import Motion, RawPicture
-from sim.sensors.imaging.fan_picture import render_fan
 from sim.sensors.imaging.range_image import RangeImageModel, RangeImager
-from sim.sensors.imaging.samples import SonarImageSample
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.beams import RangeErrors
 from sim.sensors.sensor_set import SensorSpec, load_sensor
@@ -340,12 +338,6 @@ def sonar_pictures(folder: Path) -> Iterator[Any]:
     )
     image = imager.sample(0, scene.state)
     yield image.ranges.ravel().tolist(), image.strengths.ravel().tolist()
-    beams = tuple(-0.6 + 0.1 * k for k in range(13))
-    for encoding, kind in (("uint8", np.uint8), ("float32", np.float32)):
-        echoes = (np.arange(13 * 20).reshape(20, 13) % 97 + 1).astype(kind)
-        sample = SonarImageSample(0, beams, 20, 1.0, 0.3, 7e5, 1500.0, 0.02, 0.3, encoding, echoes.tobytes())  # type: ignore[arg-type]
-        picture = render_fan(sample, 60)
-        yield picture.shape, *(row.tolist() for row in picture[::9])
 
 
 TABLES: list[Callable[[Path], Iterator[Any]]] = [

@@ -1,6 +1,7 @@
 """Kinds of seabed by position: how files are read, what sonars and cameras make of them, and invalid files."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,10 +117,13 @@ def test_a_camera_shows_the_colours_of_the_kinds(tmp_path: Path) -> None:
     model = CameraModel(ground_truth=True, width=41, height=31, exposure=1.0)
     down = Mounting(orientation=(0.0, -0.5 * np.pi, 0.0))
 
-    def camera_colours(world: World) -> float:
+    def take(world: World) -> Any:
         camera = Camera(model, down, 1, Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 8.0)))
-        return float(np.frombuffer(camera.sample(0, State((0.0, 0.0, 8.0))).rgb, np.uint8).mean())
+        return camera._renderer.render(0, State((0.0, 0.0, 8.0)))[0]
 
-    unknown, sand, mud, shells = (camera_colours(world_of(tmp_path, [code] * 9)) for code in (0, 4, 1, 17))
-    assert unknown == sand
-    assert mud < 0.8 * sand < sand < shells
+    plain = take(World("w", "", (-60.0, 60.0, -60.0, 60.0), 12.0))
+    grain = plain / NATURES["sand"].colour - 1.0
+    assert take(world_of(tmp_path, [0] * 9)) == pytest.approx(plain, rel=1e-3), "of an unknown kind"
+    for kind in ("sand", "mud", "shells"):
+        expected = np.maximum(0.1, 1.0 + grain * NATURES[kind].texture) * NATURES[kind].colour
+        assert take(world_of(tmp_path, [NATURES[kind].code] * 9)) == pytest.approx(expected, rel=1e-3)

@@ -17,8 +17,10 @@ from sim.environment.world import World
 from sim.rotations import from_euler
 from sim.sensors.error import ErrorModel
 from sim.sensors.imaging.echoes import beam_pattern, first_null
+from sim.sensors.imaging.fan_picture import render_fan
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.range_image import RangeImageModel, RangeImager
+from sim.sensors.imaging.samples import SonarImageSample
 from sim.sensors.mounting import Mounting
 from sim.sensors.surface import submersion
 from tests.support.fitted import DEEP, EXACT, EXTENT, FLAT, image, scene
@@ -159,13 +161,9 @@ def test_side_lobes_show_a_pile_in_all_beams() -> None:
         image(forward(world, model._replace(side_lobe_floor=30.0), seed=seed).sample(0, AHEAD))[brightest]
         for seed in range(20)
     ]
-    assert np.mean([row[:20].mean() / row[32] for row in floored]) == pytest.approx(
-        10.0**-3.0
-        * row.sum()
-        / row[32]
-        / beam_pattern(np.array(forward(world).sample(0, AHEAD).beams), TRUE.beam_width).sum(),
-        rel=0.3,
-    )
+    lobe = beam_pattern(np.array(forward(world).sample(0, AHEAD).beams), TRUE.beam_width).sum()
+    wanted = 10.0**-3.0 * row.sum() / row[32] / lobe
+    assert np.mean([row[:20].mean() / row[32] for row in floored]) == pytest.approx(wanted, rel=0.3)
     assert image(forward(world).sample(0, AHEAD))[:, 0].max() == 0.0
 
 
@@ -197,6 +195,24 @@ def test_the_bottom_texture_is_fixed_to_positions() -> None:
 # --- pictures
 
 
+@pytest.mark.parametrize(("row", "beam"), [(0, 0), (19, 11), (7, 3)])
+@pytest.mark.parametrize(("encoding", "faint"), [("uint8", 51.0), ("float32", 255.0 * 10.0**-3.2)])
+def test_a_fan_shows_a_cell_at_its_range_and_bearing(row: int, beam: int, encoding: Any, faint: float) -> None:
+    """Each metre has 50 pixels; the sonar is in the middle of the lower edge. 32 dB weaker is a fifth of 255."""
+    beams, echoes = np.linspace(-0.4, 0.7, 12), np.full((20, 12), faint, encoding)
+    echoes[row, beam] = 255
+    sample = SonarImageSample(0, tuple(beams), 20, 1.0, 0.3, 7e5, 1500.0, 0.1, 0.3, encoding, echoes.tobytes())
+    picture = render_fan(sample, 350)
+    assert np.unique(picture) == pytest.approx([0, 51, 255], abs=1)
+    assert (picture > 0).sum() == pytest.approx(0.5 * (350**2 - 50**2) * 1.1, rel=0.01)
+    y, x = np.nonzero(picture == 255)
+    ahead, right = 349 - y, x - 0.5 * picture.shape[1]
+    ranges, angles = np.hypot(ahead, right) / 50.0, np.arctan2(right, ahead)
+    assert (ranges.min(), ranges.max()) == pytest.approx((1.0 + 0.3 * row, 1.3 + 0.3 * row), abs=0.03)
+    sides = np.clip([beams[beam] - 0.05, beams[beam] + 0.05], -0.4, 0.7)
+    assert (angles.min(), angles.max()) == pytest.approx(sides, abs=0.03)
+
+
 def test_time_varied_gain_makes_a_wall_equally_bright_near_and_far() -> None:
     quiet = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=EXACT, gain=-10.0, range_step=1.0)
     near, far = (int(image(forward(facing_wall(d), quiet).sample(0, AHEAD))[:, 32].max()) for d in (10.5, 40.5))
@@ -218,13 +234,13 @@ def test_ranges_scale_with_the_assumed_speed_of_sound() -> None:
 
 
 def test_there_are_no_echoes_out_of_the_water() -> None:
-    """Nor are there in a crest above the level of the water at rest, which is where rays end."""
+    """Nor are there in a trough, below the level of the water at rest."""
     model = TRUE._replace(surface_strength=-30.0)
     assert not image(forward(FLAT, model).sample(0, State((0.0, 0.0, -0.5)))).any()
     assert not RangeImager(RangeImageModel(), Mounting(), 1, scene()).sample(0, State((0.0, 0.0, -0.5))).ranges.any()
     wavy = FLAT._replace(ocean=Ocean(waves=Waves(2.0, 6.0, components=3)))
-    crest = next(t for t in range(0, 10**10, 10**8) if submersion(scene(wavy), t, (0.0, 0.0, -0.3)) > 0.0)
-    assert not image(forward(wavy, model).sample(crest, State((0.0, 0.0, -0.3)))).any()
+    trough = next(t for t in range(0, 10**10, 10**8) if submersion(scene(wavy), t, (0.0, 0.0, 0.3)) < 0.0)
+    assert not image(forward(wavy, model).sample(trough, State((0.0, 0.0, 0.3)))).any()
 
 
 def test_parts_above_the_water_do_not_echo() -> None:

@@ -164,7 +164,7 @@ def test_a_turning_forward_sonar_measures_bearings_at_reception(rate: float) -> 
 def test_a_turning_side_scan_receives_less_from_far_ranges() -> None:
     """A turn of 8 deg/s moves the beam of 0.8 deg by 0.64 deg until 60 m, 80 ms away: it receives less of it."""
     rate, width = radians(8.0), SCAN.beam_width
-    scan = make_sensor(SideScan, SCAN, FLAT)
+    scan = make_sensor(SideScan, SCAN._replace(beam_height=radians(30.0)), FLAT)
     resting, turning = (
         np.frombuffer(scan.sample(0, at_depth(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, r)).starboard, np.float32)
         for r in (0.0, rate)
@@ -179,6 +179,7 @@ def test_a_turning_side_scan_receives_less_from_far_ranges() -> None:
         window = slice(number - 10, number + 10)
         assert turning[window].sum() / resting[window].sum() == pytest.approx(wanted, abs=0.03)
     assert turning[590] < 0.5 * resting[590]
+    assert np.isfinite(turning).all(), "also straight down, where the beam receives nothing"
 
 
 def test_a_scanning_head_applies_motion_along_its_own_axes() -> None:

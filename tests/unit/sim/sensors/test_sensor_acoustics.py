@@ -141,6 +141,7 @@ def test_a_wrong_assumed_speed_of_sound_scales_usbl_ranges() -> None:
     sample = usbl.sample(0, State((300.0, 0.0, 5.0)))
     assert sample is not None
     assert sample.position == pytest.approx((303.0, 0.0, 5.0))
+    assert USBL._replace(assumed_speed=1300.0).validate() is None
 
 
 # --- water

@@ -63,7 +63,11 @@ def test_the_noise_of_a_magnetometer_grows_with_its_rate() -> None:
 def test_magnetometer_keys_are_read_and_checked() -> None:
     sensors = read_sensors({"magnetometer": {"hard_iron": [1e-6, 0, 0]}}, "a.toml: sensors")
     assert sensors["magnetometer"].model.hard_iron == (1e-6, 0.0, 0.0)
-    with pytest.raises(ConfigError, match="soft_iron: expected 9 values"):
-        read_sensors({"magnetometer": {"soft_iron": [1.0]}}, "a.toml: sensors")
-    with pytest.raises(ConfigError, match=r"a\.toml: sensors: expected a table for each sensor"):
-        read_sensors([{"magnetometer": {}}], "a.toml: sensors")
+    for sections, message in (
+        ({"magnetometer": {"soft_iron": [1.0]}}, "soft_iron: expected 9 values"),
+        ([{"magnetometer": {}}], "expected a table for each sensor"),
+        ({"magnetmeter": {}}, "no sensor 'magnetmeter'; did you mean 'magnetometer'"),
+        ({"magnetometer": {"second": {}}}, "no key 'second'; one more magnetometer is a section of its own"),
+    ):
+        with pytest.raises(ConfigError, match=f"a.toml: sensors.*: {message}"):
+            read_sensors(sections, "a.toml: sensors")

@@ -13,12 +13,6 @@ from tests.support.fitted import ASKEW, NU
 from tests.unit.sim.sensors.test_sensors import EXACT_DVL, EXACT_IMU, SCENE
 
 
-def moving() -> State:
-    state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
-    state.nu_dot = [0.1, 0.2, -0.3, 0.4, -0.5, 0.6]
-    return state
-
-
 def test_a_mounting_has_its_own_position_and_attitude() -> None:
     nose_up = State((10.0, 20.0, 5.0), from_euler(0.0, radians(90), 0.0))
     mounting = Mounting((2.0, 0.0, 0.0), (0.0, radians(-90), 0.0))
@@ -28,7 +22,8 @@ def test_a_mounting_has_its_own_position_and_attitude() -> None:
 
 
 def test_a_rotated_imu_measures_the_same_in_other_axes() -> None:
-    state = moving()
+    state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
+    state.nu_dot = [0.1, 0.2, -0.3, 0.4, -0.5, 0.6]
     straight = Imu(EXACT_IMU, Mounting(ASKEW.position), 1, SCENE).sample(0, state)
     askew = Imu(EXACT_IMU, ASKEW, 1, SCENE).sample(0, state)
     assert straight.acceleration == pytest.approx(specific_force(state, ASKEW.position, 9.8))

@@ -1,7 +1,7 @@
 """Pressure under waves: linear theory, and its limit at the surface."""
 
 from itertools import pairwise
-from math import cosh, exp, pi, radians, sin
+from math import cosh, exp, radians, sin
 from statistics import pstdev
 
 import pytest
@@ -14,7 +14,7 @@ from sim.environment.world import World, water_pressure
 from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import Pressure, PressureModel
 from sim.simulation import Simulation
-from tests.support.fitted import EXACT, VEHICLE, scene
+from tests.support.fitted import EXACT, VEHICLE
 
 G = 9.80665
 MODEL = PressureModel(error=EXACT)
@@ -84,15 +84,3 @@ def test_the_wave_pressure_is_that_at_the_sensor(profile: Profile | None) -> Non
         assert found == pytest.approx(ATMOSPHERE_PA + calm(felt), rel=1e-14)
     in_the_air = sensor.sample(0, State((1.0, 2.0, -5.0))).pascal
     assert in_the_air == ATMOSPHERE_PA
-
-
-def test_the_measured_pressure_has_the_period_of_the_wave() -> None:
-    """The period of the measured pressure is the wave's."""
-    waves = Waves(1.0, 2.0 * pi, components=1)
-    simulation = scene(SEA._replace(ocean=Ocean(waves=waves)))
-    assert simulation.wave_field is not None
-    period = 2.0 * pi / simulation.wave_field.components[0].omega
-    sensor = Pressure(MODEL, Mounting(), 1, simulation)
-    values = [sensor.sample(round(1e9 * period * i / 40), State((0.0, 0.0, 3.0))).pascal for i in range(81)]
-    assert values[:40] == pytest.approx(values[40:80], abs=0.01)
-    assert max(values) - min(values) > 3000.0

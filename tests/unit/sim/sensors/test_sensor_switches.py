@@ -49,7 +49,7 @@ def test_a_battery_monitor_measures_the_battery() -> None:
 
 
 def test_a_leak_starts_at_its_time() -> None:
-    leak = Leak(LeakModel(at=2.5), Mounting(), 1, SCENE)
+    leak = Leak(LeakModel(at=3.0), Mounting(), 1, SCENE)
     wet = [leak.sample(i * S, State()).on for i in range(6)]
     assert wet == [False, False, False, True, True, True]
 
