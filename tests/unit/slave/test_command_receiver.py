@@ -126,8 +126,9 @@ def test_a_new_receiver_has_no_master_and_takes_only_topics_of_commands() -> Non
     assert (receiver.is_master_timed_out, receiver.master, receiver.fault) == (True, b"", "")
     for topic in ("cmd_nothing", "imu", "pressure"):
         receiver.on_message(topic, ros.encode_pressure(PressureSample(0, 1e5), ""), ros.pack_attachment(1, 0, GID))
+    receiver.on_message("cmd_vel", ros.encode_twist((0, 0, 0), (0, 0, 0)), b"")  # without its time
     receiver.close()
-    assert (receiver.malformed, receiver.master) == (3, b"")
+    assert (receiver.malformed, receiver.master) == (4, b"")
 
 
 def test_a_removed_unknown_sender_frees_the_vehicle_for_another_master(
@@ -217,16 +218,6 @@ def test_under_overload_the_master_does_not_time_out(
     assert command_receiver.master == gid
 
 
-def test_commands_repeated_at_a_planners_rate_are_no_overload(command_receiver: CommandReceiver, clock: Clock) -> None:
-    clock.deliver(command_receiver, 1)
-    refused = 0
-    while not clock.deliver(command_receiver, refused + 1, OTHER):
-        refused += 1
-        clock.wait(5)
-    assert refused == HOLD_MS / 5 + 1
-    assert not clock.slept
-
-
 def test_commands_of_a_refused_sender_are_not_decoded(command_receiver: CommandReceiver) -> None:
     deliver(command_receiver, 1)
     command_receiver.on_message("cmd_vel", b"\xff" * 52, ros.pack_attachment(1, 0, OTHER))
@@ -304,15 +295,6 @@ def test_stale_commands_are_never_executed(command_receiver: CommandReceiver) ->
     assert (command_receiver.stale, command_receiver.master) == (1, b"")
     deliver(command_receiver, 3)
     assert command_receiver.take_latest() is not None
-
-
-@pytest.mark.parametrize("payload", [b"", b"\0\1\0\0", b"\xff" * 52, b"\0\1\0\0" + b"\xff" * 48])
-def test_malformed_commands_are_counted(command_receiver: CommandReceiver, payload: bytes) -> None:
-    command_receiver.on_message("cmd_vel", payload, ros.pack_attachment(1, 0, GID))
-    assert command_receiver.malformed == 1
-    command_receiver.on_message("cmd_vel", ros.encode_twist((0, 0, 0), (0, 0, 0)), b"")  # without its time
-    assert command_receiver.malformed == 2
-    assert command_receiver.take_latest() is None
 
 
 @pytest.mark.parametrize("axis", range(6))

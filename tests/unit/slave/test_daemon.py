@@ -120,19 +120,18 @@ def test_a_slave_opens_announces_publishes_and_closes_what_its_scenario_names(
 
 
 def check_graph(network: Network) -> None:
-    """Check that others find the slave, its topics, and its last messages."""
     keys = [call.args[0] for call in network.session.declare_token.call_args_list]
     topics = {(each.kind, each.topic) for each in map(read_token, keys) if each}
     assert {topic for kind, topic in topics if kind == "MS"} == {f"/uuv1/{name}" for name in COMMANDS}
     published = *network.sent, "altitude", "/parameter_events"
-    assert {("MP", TOPICS[name].full_name("uuv1")) for name in published} < topics
+    assert {("SS", "/uuv1/arm"), *[("MP", TOPICS[name].full_name("uuv1")) for name in published]} < topics
     assert not [topic for _, topic in topics if "camera" in topic], "the imaging process publishes them"
-    assert [key for key in keys if "/alive/slave/" in key]
+    watched = [call.args[0] for call in network.session.watch_tokens.call_args_list]
+    assert (len([key for key in keys if "/alive/slave/" in key]), "uuv_hil/uuv1/alive/*/**" in watched) == (1, True)
     assert network.session.answer.call_args.args[0] == "uuv_hil/uuv1/last/*"
 
 
 def check_messages(network: Network, links: list[str]) -> None:
-    """Check what the slave has published of itself, beside its samples."""
     first = {name: network.messages(name)[0] for name in network.sent}
     accessories, wrench, joints = first["accessories"], first["thruster_wrench"], first["joint_states"]
     stamps = [each["header"]["stamp"] for each in (accessories, wrench, joints, first["tether"])]

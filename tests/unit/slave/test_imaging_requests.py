@@ -1,15 +1,18 @@
 """Requests to the imaging process, and the pauses between its lives, without that process."""
 
+import ctypes
 import os
 from pathlib import Path
 from signal import SIGKILL, SIGTERM
 from types import SimpleNamespace
 from typing import Any, cast
+from unittest.mock import MagicMock, call
 
 import pytest
 
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.config import load_scenario
+from hil.slave.imaging import process
 from hil.slave.imaging import sensors as module
 from hil.slave.imaging.sensors import DONE, GRACE_S, LASTING, REQUEST, STEADY_NS, Imaging
 from tests.support.clients.imaging_slave import SENSORS
@@ -101,3 +104,19 @@ def test_a_process_gets_its_setup_and_its_end_is_reported(tmp_path: Path, monkey
     assert (signals, waits, imaging.pid) == ([(77, SIGTERM), (77, SIGKILL)], [GRACE_S] * 2, 0)
     live(0)
     assert (signals[2:], told[3][3]) == ([(77, SIGTERM)], [None, None]), "it has started meanwhile"
+
+
+def test_the_imaging_process_gives_way_to_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    libc, others = MagicMock(), MagicMock()
+    libc.syscall.side_effect = 0, -1  # the second time, this kernel does not know the call
+    monkeypatch.setattr(ctypes, "CDLL", lambda _: libc)
+    monkeypatch.setattr(os, "uname", lambda: SimpleNamespace(machine="aarch64"))
+    for name in ("sched_setaffinity", "sched_setscheduler", "nice"):
+        monkeypatch.setattr(os, name, getattr(others, name))
+    for processors in ({2, 5, 7}, {2}):
+        monkeypatch.setattr(os, "sched_getaffinity", lambda _, found=processors: found)
+        process._lower_priority()
+    attributes = process.SCHED_ATTR.pack(48, os.SCHED_BATCH, 0, process.NICE, 0, process.SHARE_NS, 0, 0)
+    assert libc.syscall.call_args_list == [call(274, 0, attributes, 0)] * 2
+    by_others = call.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0)), call.nice(process.NICE)
+    assert others.mock_calls == [call.sched_setaffinity(0, [5, 7]), *by_others, call.sched_setaffinity(0, [2])]

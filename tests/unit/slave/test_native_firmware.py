@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.common.clock import NS_PER_MS, now_ns
-from hil.links.contract import ThrusterCommand, ThrusterLink, Wire
+from hil.links.contract import ThrusterCommand, ThrusterLink
 from hil.links.frame.protocol import open_frame
 from hil.scenario.config import load_scenario
 from hil.slave.drivers.in_process import open_python
 from hil.slave.native.firmware import FirmwareEnd
 from tests.support.flights.twins import EACH
+from tests.support.links.can_bench import MemoryBus, MemoryWire
 from tests.support.links.link_contract import nothing_leaks
 
 pytestmark = pytest.mark.usefixtures("native")
@@ -23,21 +24,12 @@ CHANNELS = 3
 WATCHDOG_NS = 200 * NS_PER_MS
 
 
-class MemoryLine(Wire):
-    """A wire in memory: bytes put into `coming` are read; written bytes are listed write by write."""
+class MemoryLine(MemoryWire):
+    """A wire in memory: bytes put into `unread` are read; written bytes are listed write by write."""
 
     def __init__(self) -> None:
-        self.name = "line"
-        self.coming = b""
-        self.output: list[bytes] = []
-        self.closed = False
-
-    def fileno(self) -> int:
-        return -1
-
-    def read(self) -> bytes:
-        data, self.coming = self.coming, b""
-        return data
+        super().__init__(MemoryBus())
+        self.output, self.closed = list[bytes](), False
 
     def write(self, data: bytes) -> int:
         self.output.append(data)
@@ -73,7 +65,7 @@ def test_the_c_equals_python_for_any_hour_of_commands(hour: list[tuple[int, byte
     now = 0
     for pause_us, data in hour:
         now += pause_us * 1000
-        quick.coming = stub_line.coming = data
+        quick.unread = stub_line.unread = data
         end.service(now)
         stub.service(now)
         assert quick.output == stub_line.output
@@ -85,11 +77,11 @@ def test_the_c_equals_python_for_any_hour_of_commands(hour: list[tuple[int, byte
 def test_the_command_time_is_that_of_the_last_executed_command() -> None:
     quick, end, _, _ = firmware_and_stub()
     before = now_ns()
-    quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
+    quick.unread = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
     end.service(NS_PER_MS)
     executed = end.command_ns
     assert before < executed < now_ns()
-    quick.coming = FRAME.encode(ThrusterCommand(8, True, (1700,) * CHANNELS))  # late
+    quick.unread = FRAME.encode(ThrusterCommand(8, True, (1700,) * CHANNELS))  # late
     end.service(2 * NS_PER_MS)
     end.service(3 * WATCHDOG_NS)  # the watchdog is no command
     assert end.pwm_us == (1500,) * CHANNELS
@@ -98,7 +90,7 @@ def test_the_command_time_is_that_of_the_last_executed_command() -> None:
 
 def test_closing_sets_the_outputs_to_neutral() -> None:
     quick, end, _, _ = firmware_and_stub()
-    quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
+    quick.unread = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
     end.service(NS_PER_MS)
     assert end.pwm_us == (1600,) * CHANNELS
     end.close()

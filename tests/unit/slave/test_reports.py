@@ -14,7 +14,7 @@ from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.config import load_scenario
 from hil.slave import log as log_module
-from hil.slave import slave_recorder
+from hil.slave import router_watch, slave_recorder
 from hil.slave.health import machine_figures
 from hil.slave.health.machine_figures import add_machine_figures
 from hil.slave.health.reporter import Health, bytecode_compiled
@@ -143,3 +143,14 @@ def test_modules_in_c_need_no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
     for module, is_compiled in ((package, True), (twin, True), (late, False)):
         monkeypatch.setitem(sys.modules, module.__name__, module)
         assert bytecode_compiled("made_up") == is_compiled
+
+
+def test_a_router_that_is_not_reached_is_reported_when_the_reason_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines, checks, found = list[str](), list[Any](), list[Any]()
+    monkeypatch.setattr(router_watch, "has_connected", lambda *_: not found[0])
+    monkeypatch.setattr(router_watch, "why_not", lambda *_, routed: SimpleNamespace(text=found[0]) if routed else None)
+    session: Any = SimpleNamespace(every=lambda _period, check, _name: checks.append(check))
+    router_watch.watch_router(session, "tcp/there:7447", None, lines.append)
+    for found[:] in (["off"], ["off"], ["slow"], [""], ["slow"]):
+        checks[0]()
+    assert lines == [f"the router tcp/there:7447 is not reached: {reason}" for reason in ("off", "slow", "slow")]

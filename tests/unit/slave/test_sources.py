@@ -169,26 +169,23 @@ def test_what_an_autopilot_waits_for_and_what_it_has_opened(flown: Flown, monkey
 
 
 def test_samples_and_steps_reach_the_autopilot_whose_figures_are_reported(flown: Flown) -> None:
-    port, autopilot, figures, made = flown.port, flown.autopilot, Diagnostics(), list[Any]()
-    names = "packets", "duplicates", "malformed", "lost", "resets", "stalls", "silences", "steps_held"
-    counted: Any = {"outputs" if name == "packets" else name: number for number, name in enumerate(names)}
-    vars(autopilot).update(
-        figures=SimpleNamespace(**counted), silences=6, outputs=AHEAD, map=SimpleNamespace(frame="x")
-    )
+    port, autopilot, figures, made = flown.port, cast(Any, flown.autopilot), Diagnostics(), list[Any]()
+    names = "outputs", "duplicates", "malformed", "lost", "resets", "stalls"
+    autopilot.figures = SimpleNamespace(**{name: number for number, name in enumerate(names, 1)})
+    autopilot.map, autopilot.outputs, autopilot.silences, port.held_steps = SimpleNamespace(frame="x"), AHEAD, 7, 8
     for name in ("update_sensor", "move_accessories", "advance"):
         setattr(autopilot, name, lambda *arguments: made.append(arguments))
-    simulation: Any = SimpleNamespace(time_ns=8, truth=lambda: 9)
     port.update_sensor("imu", 7)
-    port.end_step(simulation, True)
+    port.end_step(simulation := cast(Any, SimpleNamespace(time_ns=8, truth=lambda: 9)), True)
     assert made == [("imu", 7), (simulation,), (8, 9)]
-    port.held_steps, autopilot.estimate = 7, cast(Any, SimpleNamespace(add_figures=made.append))
+    autopilot.estimate = SimpleNamespace(add_figures=made.append)
     for delay_ms in [6] * 98 + [90] * 2:
         port.delay.add(delay_ms * NS_PER_MS)
     port.add_figures(figures)
     assert made[3:] == [figures]
-    assert [int(figures[f"autopilot_{name}"]) for name in names] == list(range(8))
-    assert (figures.autopilot, figures.autopilot_connected, figures.autopilot_outputs) == ("ArduPilot", True, AHEAD)
-    assert (figures.autopilot_frame, figures.controller) == ("x", "autopilot")
+    counted = [figures[f"autopilot_{name}"] for name in ("packets", *names[1:], "silences", "steps_held")]
+    shown = figures.autopilot, figures.autopilot_connected, figures.autopilot_outputs, figures.autopilot_frame
+    assert (counted, figures.controller, shown) == ([*range(1, 9)], "autopilot", ("ArduPilot", True, AHEAD, "x"))
     assert (figures.autopilot_delay_p50_ms, figures.autopilot_delay_p99_ms) == pytest.approx((6.0, 90.0), rel=0.2)
 
 

@@ -26,7 +26,8 @@ def call_services(tether: FakeTether | None) -> Any:
     """Return a function that calls a parameter service, and the lists of what was reported and published."""
     failures = list[Failure]()
     simulation = SimpleNamespace(tether=tether, failures=lambda _: failures[1:])
-    publisher = SimpleNamespace(stamps=SimpleNamespace(wall_ns=lambda now: now), publish=lambda *_: None)
+    stamps = SimpleNamespace(wall_ns=lambda now: now)
+    publisher = SimpleNamespace(stamps=stamps, publish=lambda topic, _: reports.append(topic))
     source = SimpleNamespace(pilot=None)
     loop: Any = SimpleNamespace(
         simulation=simulation, source=source, sample_publisher=publisher, fail=lambda *new: failures.extend(new)
@@ -53,7 +54,7 @@ def test_a_tethers_length_can_be_set_and_its_pull_read() -> None:
     failure = 'kind = "off"; kind = "noisy", noise = 0.2'
     assert call("set_parameters", parameters=[parameter("failures.bow", failure)])["results"] == [{"successful": True}]
     assert call("get_parameters", names=["failures.bow"])["values"][0]["string_value"] == failure
-    assert (tether.length, reports[0]) == (25.0, "parameter: tether.length: 25 m")
+    assert (tether.length, reports[:2]) == (25.0, ["parameter: tether.length: 25 m", "/parameter_events"])
     for count in (MAX, MAX + 1):
         many = [parameter(names[0], 30.0)] * count
         assert call("set_parameters_atomically", parameters=many)["result"]["successful"] == (count == MAX)
