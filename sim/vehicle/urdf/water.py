@@ -153,8 +153,7 @@ def _numbers(element: Element, tags: Mapping[str, tuple[str, int]], path: str) -
 def _uuv_water(link: Element, box: Box, path: str, notes: list[str]) -> dict[str, Any]:
     """Return the water keys of uuv_simulator: added mass positive, damping negative, each as 6 or 36 numbers."""
     model = link.find("hydrodynamic_model")
-    if model is None:
-        return {}
+    assert model is not None, "water_elements looks for it"
     keys = _numbers(link, {"volume": ("volume", 1), "center_of_buoyancy": ("center_of_buoyancy", 3)}, path)
     for key, tag, sign in (
         ("added_mass", "added_mass", 1.0), ("linear_damping", "linear_damping", -1.0),

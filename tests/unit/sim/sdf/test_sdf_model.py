@@ -135,6 +135,18 @@ def test_a_fin_turns_about_its_joint_axis() -> None:
     assert any("fin 'keel' (no joint turns it)" in note for note in model.notes)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "lacks"),
+    [("<forward>1 0 0", "<forward>0 2 0", "its joint turns it about its chord"),
+     *[(f"<{tag}>", f"<{tag}>0</{tag}><{tag}>", "its lift is not") for tag in ("area", "cla", "alpha_stall")],
+     ("<lower>-0.3</lower><upper>0.3", "<lower>-3</lower><upper>3", "")],  # rad: no limit of a fin
+)  # fmt: skip
+def test_a_fin_that_cannot_steer_is_left_out(old: str, new: str, lacks: str) -> None:
+    model = imported(text=MODEL.read_text().replace(old, new, 1))
+    assert [fin.max_deflection for fin in model.vehicle.fins] == ([] if lacks else [0.5236])
+    assert any(f"fin 'rudder' ({lacks}" in note for note in model.notes) == bool(lacks)
+
+
 @pytest.mark.parametrize("version", ["1.5", "1.10", "1.12"])
 def test_an_axis_is_in_the_joint_frame_since_version_1_5(version: str) -> None:
     text = MODEL.read_text().replace('version="1.7"', f'xmlns:gz="any" version="{version}"')
@@ -219,10 +231,8 @@ def test_a_joint_that_holds_the_hull_is_taken_as_fixed() -> None:
     notes: list[str] = []
     robot = as_urdf("m.sdf", notes, None, f"<sdf>{model}</sdf>".encode())
     assert [joint.get("name") for joint in robot.findall("joint")] == ["a_joint"]
-    assert notes[1:] == [
-        "Left out: the shape <plane> of the link 'a'.",
-        "The joint 'j' holds the link 'b', on which the water acts: taken as fixed.",
-    ]
+    fixed = "The joint 'j' holds the link 'b', on which the water acts: taken as fixed."
+    assert notes[1:] == ["Left out: the shape <plane> of the link 'a'.", fixed]
 
 
 def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:

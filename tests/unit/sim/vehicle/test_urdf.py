@@ -241,11 +241,6 @@ def test_wrong_files_are_reported(text: str, message: str, tmp_path: Path) -> No
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_reported() -> None:
-    with pytest.raises(ConfigError, match=r"nowhere\.urdf: no such file"):
-        read_urdf("nowhere.urdf")
-
-
 @pytest.mark.parametrize(
     ("variable", "value", "place"),
     [

@@ -12,7 +12,7 @@ from sim.matrices import square
 from sim.vehicle.urdf.hull import Tree, moved
 from sim.vehicle.urdf.importer import Imported, read_robot
 from sim.vehicle.urdf.pose import pose_at
-from sim.vehicle.urdf.shapes import _primitive
+from sim.vehicle.urdf.shapes import Solid, _primitive
 from sim.vehicle.urdf.text import read_xml
 from sim.vehicle.vehicle import Vehicle
 
@@ -191,6 +191,16 @@ def test_a_cylinder_without_sizes_fills_the_box_around_it(shape: str, sizes: tup
     assert f"The cylinder of arm fills the box around it: radius {radius:g} m, length {length:g} m" in " ".join(
         model.notes
     )
+
+
+def test_a_mesh_of_the_collisions_is_measured() -> None:
+    mesh = HULL.replace('<box size="0.8 0.5 0.05"/>', '<mesh filename="h.stl" scale="1 2 3"/>')
+    solid = Solid(0.02, (0.1, 0.0, 0.0), (-0.5, -0.2, -0.1), (0.5, 0.2, 0.3), is_closed=False)
+    robot = read_xml("box.urdf", f"<robot name='box'>{mesh}{THRUSTER}{GAZEBO}</robot>".encode())
+    model = read_robot(robot, "box.urdf", {}, lambda keys: {key: solid for key in keys if key[1] == (1.0, 2.0, 3.0)})
+    assert (model.vehicle.volume, model.vehicle.center_of_buoyancy) == (0.02, (0.1, 0.0, -0.02))
+    assert model.vehicle.dimensions == pytest.approx((1.0, 0.4, 0.4))
+    assert "A mesh of the collisions is not closed: the volume may be wrong." in model.notes
 
 
 @pytest.mark.parametrize(
