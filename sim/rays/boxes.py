@@ -33,7 +33,7 @@ def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], cent
     turns = rows[:, ROTATION:SIZES].reshape(-1, 3, 3)
     own = np.einsum("nij,ni->nj", turns, np.asarray(centre) - rows[:, POSITION:ROTATION])
     numbers: list[int] = []
-    lows, highs = [], []
+    lows, highs = [np.empty((0, 3))], [np.empty((0, 3))]
     for number, row in enumerate(rows):
         found = _extent(row, geometry.nodes, trees)
         if found is None:
@@ -43,9 +43,7 @@ def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], cent
         numbers += [number] * int(near.sum())
         lows.append(low[near])
         highs.append(high[near])
-    if not numbers:
-        return Boxes(np.empty(0, int), np.empty((0, 3)), np.empty((0, 3, 3)))
-    index, low, high = np.array(numbers), np.concatenate(lows), np.concatenate(highs)
+    index, low, high = np.array(numbers, int), np.concatenate(lows), np.concatenate(highs)
     corner = rows[index, POSITION:ROTATION] + np.einsum("nij,nj->ni", turns[index], low)
     sides = (high - low)[:, :, None] * turns[index].transpose(0, 2, 1)
     owners = np.where(rows[:, KIND] == MESH, 0.0, rows[:, ROOT]).astype(np.int64)  # of pieces

@@ -6,12 +6,12 @@ from math import hypot, inf, sqrt
 
 from hil.common.vectors import Vector3
 from sim.environment.world import World
-from sim.rays.solids import POSITION, ROW, Solid, cylinder
+from sim.rays.solids import ABSENT, ROW, Solid, cylinder
 
 _MARGIN = 30.0  # m beyond a sensor's reach: a sensor can move this far before pieces are searched again
 _JOINT = 0.1  # diameters by which a piece is longer at both ends, so that bends have no gaps
-_FAR = 1e9  # m: position of unused rows
 _MIN_ROWS = 32
+_UNUSED = array("d", ABSENT.numbers(0))
 
 
 class NearPipes:
@@ -23,7 +23,7 @@ class NearPipes:
     def __init__(self, world: World, first: int) -> None:
         self._world, self._first = world, first
         self._centre, self._within = (inf, inf), 0.0
-        self.rows = _unused_rows(_MIN_ROWS)
+        self.rows = _UNUSED * _MIN_ROWS
 
     def update(self, origin: Sequence[float], reach: float) -> bool:
         """Find the pieces within `reach` m of `origin` (NED, m); return True if `rows` changed."""
@@ -40,8 +40,7 @@ class NearPipes:
             for row in piece(one, other, 0.5 * pipeline.diameter).numbers(number)
         ]
         count = max(_MIN_ROWS, len(self.rows) // ROW, len(numbers) // ROW)
-        rows = array("d", numbers)
-        rows.extend(_unused_rows(count - len(numbers) // ROW))
+        rows = array("d", numbers) + _UNUSED * (count - len(numbers) // ROW)
         changed = rows != self.rows
         self.rows = rows
         return changed
@@ -58,9 +57,3 @@ def piece(begin: Vector3, end: Vector3, radius: float) -> Solid:
     rotation = (a, -z * b, x, b, z * a, y, 0.0, x * b - y * a, z)
     middle = tuple(0.5 * (p + q) for p, q in zip(begin, end, strict=True))
     return cylinder(middle, radius, 0.5 * length + _JOINT * 2.0 * radius, rotation)
-
-
-def _unused_rows(count: int) -> "array[float]":
-    row = cylinder((0.0, 0.0, 0.0), 0.0, 0.0).numbers(0)
-    row[POSITION] = _FAR
-    return array("d", row * count)

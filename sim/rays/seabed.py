@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 SURFACE, STEP_NORTH, STEP_EAST = 0, 1, 2  # the part of the seabed: its surface, or a step across north or east
 TINY = 1e-12  # a component below this does not move a ray
 ON_SURFACE = 1e-6  # m by which rounding may have put a point below the surface
+MISSED = inf, -inf  # a part of a ray without a point
 
 
 def intersect_seabed(
@@ -33,10 +34,9 @@ def intersect_seabed(
     near, far = slab(y, dy, 0.0, terrain.grid.columns - 1.0, into_row, out_of_row)
     if near > far:
         return _intersect_flat(z, dz, depth, 0.0, reach), SURFACE
-    if near > 0.0:
-        distance = _intersect_flat(z, dz, depth, 0.0, near)
-        if distance < near:
-            return distance, SURFACE
+    distance = _intersect_flat(z, dz, depth, 0.0, near)
+    if distance < near:
+        return distance, SURFACE
     side = STEP_EAST if near > into_row else STEP_NORTH if near > 0.0 else SURFACE
     distance, side = _walk(terrain, (x, y, z), (dx, dy, dz), near, far, side)
     if distance < inf or far >= reach:
@@ -129,7 +129,7 @@ def slab(at: float, rate: float, low: float, high: float, near: float, far: floa
     If there is none, the first number is greater than the second.
     """
     if abs(rate) <= TINY:
-        return (near, far) if low <= at <= high else (inf, -inf)
+        return (near, far) if low <= at <= high else MISSED
     inverse = 1.0 / rate
     one, other = (low - at) * inverse, (high - at) * inverse
     if one > other:

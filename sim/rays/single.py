@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from hil.common.vectors import Vector3
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
-from sim.rays.seabed import STEP_EAST, STEP_NORTH, TINY, intersect_seabed, slab
+from sim.rays.seabed import MISSED, STEP_EAST, STEP_NORTH, TINY, intersect_seabed, slab
 from sim.rays.solids import BOX, CYLINDER, HALF_SPACE, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
 from sim.rays.tree import NODE, WIDTH, triangle
 
@@ -64,7 +64,8 @@ def cast(
     """Fill `distances`, and `hits` if it is given, for all rays: see RayScene."""
     x, y, z = origin
     for ray in range(len(distances)):
-        along = rotate_to_world(rotation, *directions[3 * ray : 3 * ray + 3])
+        place = slice(3 * ray, 3 * ray + 3)
+        along = rotate_to_world(rotation, *directions[place])
         hit = trace(geometry, origin, along, reach)
         distances[ray] = hit.distance
         if hits is None:
@@ -74,8 +75,7 @@ def cast(
         if hit.object != NOTHING:
             point = x + hit.distance * along[0], y + hit.distance * along[1], z + hit.distance * along[2]
             out = normal(geometry, hit, along, point)
-        hits.points[3 * ray : 3 * ray + 3] = array("d", point)
-        hits.normals[3 * ray : 3 * ray + 3] = array("d", out)
+        hits.points[place], hits.normals[place] = array("d", point), array("d", out)
 
 
 def _owner(solids: Sequence[float], number: int) -> int:
@@ -157,10 +157,10 @@ def _round(at: Vector3, along: Vector3, radius: float, axes: int, near: float, f
     if axes == 3:
         a, b, c = a + dz * dz, b + z * dz, c + z * z
     if a <= TINY:
-        return (near, far) if c <= 0.0 else (inf, -inf)
+        return (near, far) if c <= 0.0 else MISSED
     root = b * b - a * c
     if root < 0.0:
-        return inf, -inf
+        return MISSED
     half = sqrt(root)
     return max(near, (-b - half) / a), min(far, (-b + half) / a)
 

@@ -51,6 +51,9 @@ def sphere(center: Point, radius: float) -> Solid:
     return Solid(SPHERE, radius, center, _UPRIGHT, (radius,))
 
 
+ABSENT = sphere((1e9, 0.0, 0.0), 0.0)  # of a row without a solid: no ray goes there
+
+
 def cylinder(center: Point, radius: float, half_length: float, rotation: Sequence[float] = _UPRIGHT) -> Solid:
     """Return a cylinder with flat ends along the z axis of its own axes."""
     reach = sqrt(radius * radius + half_length * half_length)
@@ -94,5 +97,5 @@ def standing(obstacle: Obstacle) -> Solid:
         reach = obstacle.radius + 1e-6  # m: that was rounded
         return Solid(MESH, reach, position, obstacle.rotation, obstacle.net or (), obstacle.triangles)
     if isinstance(obstacle, Pipeline):  # has its number; its pieces come and go: see sim.rays.pipes
-        return sphere((1e9, 0.0, 0.0), 0.0)
+        return ABSENT
     raise TypeError(f"rays know no {type(obstacle).__name__}")
