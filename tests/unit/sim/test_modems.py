@@ -12,6 +12,7 @@ from sim.environment.seawater.sound_rays import SoundRays
 from sim.environment.seawater.water_column import WaterColumn
 from sim.modems.acoustic import NS, AcousticChannel, AcousticModem, Packet
 from sim.modems.sound import ambient_noise, paths, thorp_absorption, transmission_loss
+from sim.modems.usbl import UsblFix, UsblRounds
 from sim.sensors.error import ErrorModel
 
 EXACT = AcousticModem(range_error=ErrorModel())
@@ -87,19 +88,13 @@ def test_a_wrong_speed_of_sound_scales_the_range() -> None:
     assert packet.distance == pytest.approx(500.0 * 1500.0 / 1480.0, rel=1e-6)
 
 
-def test_a_sending_modem_cannot_receive() -> None:
+@pytest.mark.parametrize("sends_at", [0.2, 0.4])
+def test_a_modem_that_sends_or_begins_to_cannot_receive(sends_at: float) -> None:
+    """The message from a comes at 0.33 s, and is through at 0.56 s."""
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "a", b"x" * 16, TWO)
-    channel.send(round(0.2 * NS), "b", b"y" * 16, TWO)  # a's message comes at 0.33 s, while b still sends
-    assert [packet.receiver for packet in run(channel)] == ["a"]
-    assert channel.counts["deaf"] == 1
-
-
-def test_a_modem_that_starts_to_send_loses_its_reception() -> None:
-    channel = AcousticChannel(EXACT, 50.0, seed=1)
-    channel.send(0, "a", b"x" * 16, TWO)
-    channel.receive(round(0.35 * NS))
-    channel.send(round(0.4 * NS), "b", b"y", TWO)
+    channel.receive(round((sends_at - 0.05) * NS))
+    channel.send(round(sends_at * NS), "b", b"y" * 16, TWO)
     assert [packet.receiver for packet in run(channel)] == ["a"]
     assert channel.counts["deaf"] == 1
 
@@ -222,3 +217,31 @@ def test_half_of_the_reports_are_lost_at_the_range_that_the_page_states(modem: A
             channel.receive(20 * (number + 1) * NS - 1)
         lost.append(1.0 - channel.counts["delivered"] / 400)
     assert lost[0] < 0.5 < lost[1]
+
+
+def test_heads_ask_the_others_in_turn_and_measure_where_they_are() -> None:
+    """Two heads, each every 4 s; the direction then has a noise of 0.001 rad, the range of 0.1 m."""
+    places = {"ship": (10.0, -20.0, 2.0), "a": (70.0, 60.0, 27.0), "b": (10.0, -20.0, 42.0), "c": (40.0, 20.0, 12.0)}
+    channel, (angle, metres) = AcousticChannel(EXACT, 50.0, seed=1), [ErrorModel(noise_density=x) for x in (0.002, 0.2)]
+    rounds = UsblRounds(channel, ["ship", "b"], list(places), 4 * NS, angle, metres, seed=1)
+    channel.send(0, "a", b"hi", places)
+    others, fixes = list[Packet](), list[UsblFix]()
+    for now in range(0, 17 * NS, NS // 10):
+        rounds.ask(now, {} if now < NS else places)
+        if now == NS // 2:
+            channel.send(now, "a", b"\xf0\x04", places)  # asks nobody
+        received, found = rounds.take(now, channel.receive(now), places)
+        others, fixes = others + received, fixes + found
+    assert [packet.payload for packet in others] == [b"hi"] * 3
+    assert [(fix.receiver, fix.sender, fix.sent_ns * 10 // NS) for fix in fixes] == [
+        ("ship", "a", 16), ("b", "ship", 28), ("ship", "b", 55), ("b", "a", 69),
+        ("ship", "c", 95), ("b", "c", 108), ("ship", "a", 136), ("b", "ship", 148),
+    ]  # fmt: skip
+    for fix in fixes:
+        offset = [a - b for a, b in zip(places[fix.sender], places[fix.receiver], strict=True)]
+        size = hypot(*offset)
+        assert hypot(*fix.offset) == pytest.approx(size, abs=1e-5)
+        assert 1e-5 * size < hypot(*[a - b for a, b in zip(fix.offset, offset, strict=True)]) < 0.005 * size
+        across = 1e-6 * size**2
+        wanted = [(0.01 - across) * a * b / size**2 + across * (a is b) for a in offset for b in offset]
+        assert fix.covariance == pytest.approx(wanted, abs=1e-9)
