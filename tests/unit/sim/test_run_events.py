@@ -26,8 +26,8 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 SIX = load_vehicle("paper_six")[0]
 
 
-def rolled(degrees: float) -> tuple[float, float, float, float]:
-    return cos(radians(degrees) / 2), sin(radians(degrees) / 2), 0.0, 0.0
+def tilted(degrees: float) -> tuple[float, float, float, float]:
+    return cos(radians(degrees) / 2), 0.6 * sin(radians(degrees) / 2), 0.8 * sin(radians(degrees) / 2), 0.0
 
 
 def monitor(tilt: float = pi / 3) -> RunMonitor:
@@ -61,10 +61,10 @@ def test_an_event_log_is_bounded_and_counts_dropped_events() -> None:
 @pytest.mark.parametrize(("degrees", "capsized"), [(0, False), (59, False), (61, True), (-61, True), (180, True)])
 def test_a_vehicle_that_is_tilted_too_far_has_capsized(degrees: float, capsized: bool) -> None:
     judge = monitor()
-    judge.observe(0, (0.0, 0.0, 5.0), rolled(degrees), 5.0)
+    judge.observe(0, (0.0, 0.0, 5.0), tilted(degrees), 5.0)
     assert [event.kind for event in judge.log.events()] == (["capsize"] if capsized else [])
     lenient = monitor(tilt=3.2)
-    lenient.observe(0, (0.0, 0.0, 5.0), rolled(degrees), 5.0)
+    lenient.observe(0, (0.0, 0.0, 5.0), tilted(degrees), 5.0)
     assert not lenient.log.events()
 
 
@@ -77,6 +77,8 @@ def test_a_vehicle_at_the_surface_below_its_commanded_depth_has_surfaced() -> No
 def test_a_vehicle_that_sinks_is_too_deep() -> None:
     down = dive(monitor(), 5.0, 6.0, 6.1, 8.0, requested=4.0)
     assert [(event.kind, event.start_ns) for event in down] == [("too_deep", 2 * TICK)]
+    assert not dive(monitor(), 5.0, 7.9, requested=7.0)
+    assert not dive(monitor(), 5.0, 0.1, requested=0.1)
 
 
 def test_events_survive_a_round_trip_and_malformed_ones_are_refused() -> None:
@@ -85,17 +87,20 @@ def test_events_survive_a_round_trip_and_malformed_ones_are_refused() -> None:
         RunEvent("capsize", 7 * S, 0, (0.0, 0.0, 5.0)),
     )
     assert decode_events(encode_events(events)) == events
+    assert events[0].describe().endswith("(1, 2) 5.0 s after the start, for 1.0 s, at N 1.5 E -2.2 depth 3.1 m")
+    assert events[1].describe() == "capsize 7.0 s after the start, for less than 0.1 s, at N 0.0 E 0.0 depth 5.0 m"
     assert decode_events(encode_events([events[0]._replace(what="a\nsea\tmine ")]))[0].what == "a sea mine"
-    rubbish = "", "collision", "collision 1 2 3 4", "eaten 1 2 3 4 5 x", "capsize 1 -2 3 4 5", "capsize 1 2 nan 4 5"
+    numbers = "1 -2 3 4 5", "1 2 nan 4 5", "1 2 3 inf 5", "1 2 3 4 inf"
+    rubbish = "", "collision", "collision 1 2 3 4", "eaten 1 2 3 4 5 x", *(f"capsize {each}" for each in numbers)
     assert decode_events("\n".join(rubbish)) == ()
 
 
 def test_events_of_a_run_are_those_after_its_start() -> None:
     before = RunEvent("collision", 0, S, (0.0, 0.0, 5.0), "x")
     across = before._replace(start_ns=5 * S, duration_ns=10 * S)
-    after = before._replace(start_ns=12 * S)
-    shifted = events_since([before, across, after], 10 * S)
-    assert [(event.start_ns, event.duration_ns) for event in shifted] == [(0, 5 * S), (2 * S, S)]
+    until, after = before._replace(duration_ns=10 * S), before._replace(start_ns=12 * S)
+    shifted = events_since([before, across, until, after], 10 * S)
+    assert [(event.start_ns, event.duration_ns) for event in shifted] == [(0, 5 * S), (0, 0), (2 * S, S)]
 
 
 def test_events_of_the_first_observer_take_precedence() -> None:
@@ -144,7 +149,6 @@ def test_each_contact_is_recorded_to_the_step() -> None:
 
 def test_new_events_are_returned_once() -> None:
     log = EventLog()
-    assert log.new_events() == []
     log.record("collision", 0, 0, (0.0, 0.0, 1.0), "a pile")
     log.record("surfaced", 10, 10, (0.0, 0.0, 0.0))
     assert [event.kind for event in log.new_events()] == ["collision", "surfaced"]
