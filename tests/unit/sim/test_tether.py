@@ -184,28 +184,6 @@ def test_a_winch_pays_out_at_its_speed_and_the_pull_falls() -> None:
         tether.set_length(0.1)
 
 
-def test_a_vehicle_is_held_by_its_tether_and_runs_are_reproducible() -> None:
-    """A vehicle with 10 m paid out, carried off by a current, is held; two runs have the same numbers."""
-    vehicle, _ = load_vehicle("bluerov2_heavy")
-
-    def flight() -> Simulation:
-        keys = TetherKeys(10.0, anchor=(0.0, 0.0, 5.0), stiffness=5e4)
-        world = WORLD._replace(current=(0.6, 0.0, 0.0))
-        simulation = Simulation(vehicle, world, {}, position=(7.0, 0.0, 5.0), tether=keys, dt_ns=SLOW_NS)
-        for _ in range(1000):
-            simulation.step((1500,) * 8)
-        return simulation
-
-    one, other = flight(), flight()
-    assert one.tether
-    assert other.tether
-    away = sqrt(sum((a - b) ** 2 for a, b in zip(one.state.position, (0.0, 0.0, 5.0), strict=True)))
-    assert 8.0 < away < 10.2
-    assert one.tether.tension > 3.0
-    assert one.state.position == other.state.position
-    assert one.tether.nodes == other.tether.nodes
-
-
 def test_moving_a_vehicle_elsewhere_causes_no_large_pull_of_its_tether() -> None:
     """The line is laid out again from the anchor's new position: nothing has moved at the speed of the jump.
 
