@@ -100,6 +100,7 @@ def test_a_vehicle_holds_depth_and_heading_without_one_thruster(name: str, thrus
     flight.fail(thruster, "repaired")
     assert flight.fly(7.0) < MOST_M
     assert flight.pilot.failed_thrusters == []
+    assert flight.reports[-1:] in ([], [f"thruster {thruster} follows its commands again"])
     assert flight.floats or hypot(*to_euler(flight.simulation.state.quaternion)[:2]) < 0.05
 
 

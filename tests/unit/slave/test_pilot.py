@@ -15,7 +15,7 @@ from hil.slave.plant_model import plant_of
 from hil.slave.setpoints import Setpoint, ThrustSetpoint, WrenchSetpoint
 from sim.environment.seawater.pressure import ATMOSPHERE_PA, pressure_at
 from sim.environment.world import load_world
-from sim.rotations import from_euler
+from sim.rotations import from_euler, multiply, rotate_inverse
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 from sim.simulation import Simulation
@@ -100,12 +100,12 @@ def test_each_sensor_updates_its_part_of_the_navigation() -> None:
 
 
 def test_a_rotated_imu_gives_the_vehicles_attitude_and_rates() -> None:
-    """An IMU turned by a quarter about z measures to port what is ahead of the vehicle."""
-    askew = Mounting(orientation=(0.0, 0.0, 0.5 * pi))
+    askew, attitude, rates = Mounting(orientation=(0.3, -0.4, 0.5 * pi)), from_euler(0.1, -0.2, 0.4), (0.1, 0.2, 0.3)
     pilot = Pilot(VEHICLE, parse(CONTROL, Gains, "control"), WORLD.density * WORLD.gravity, NS_PER_MS, askew)
-    pilot.update_sensor("imu", ImuSample(0, from_euler(0.0, 0.0, 0.5 * pi + 0.4), (0.0, -0.1, 0.3), (0.0, 0.0, -9.8)))
-    assert pilot.navigation.orientation == pytest.approx(from_euler(0.0, 0.0, 0.4))
-    assert pilot.navigation.angular_velocity == pytest.approx((0.1, 0.0, 0.3))
+    its_attitude, its_rates = multiply(attitude, askew.quaternion), rotate_inverse(askew.quaternion, rates)
+    pilot.update_sensor("imu", ImuSample(0, its_attitude, its_rates, (0.0, 0.0, -9.8)))
+    assert pilot.navigation.orientation == pytest.approx(attitude)
+    assert pilot.navigation.angular_velocity == pytest.approx(rates)
 
 
 @pytest.mark.parametrize(
