@@ -237,10 +237,11 @@ def test_a_joint_that_holds_the_hull_is_taken_as_fixed() -> None:
 
 def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:
     """The plugins of an included model follow, as in PX4's models."""
+    quarter = '<pose rotation_format="quat_xyzw">'
     for merge, link in (("true", "hull"), ("false", "otter::hull")):
         text = (
             f'<sdf version="1.9"><model name="m"><include merge="{merge}"><uri>model://otter</uri>'
-            '<pose degrees="1">0 0 1 0 0 90</pose></include><link name="b"><pose degrees="1">0 3 0 0 0 90</pose>'
+            f'<pose degrees="1">0 0 1 0 0 90</pose></include><link name="b">{quarter}0 3 0 0 0 2 2</pose>'
             f'<inertial><pose relative_to="{link}" rotation_format="quat_xyzw">1 0 0 0 0 0 1</pose><mass>20.5</mass>'
             "</inertial></link></model></sdf>"
         )
@@ -270,7 +271,7 @@ def test_a_model_is_the_file_of_its_newest_version(tmp_path: Path, monkeypatch: 
     again, pose = "<include><uri>model://auv</uri>{}</include>", "<pose>{} 9 9 0 0 0</pose>"
     for name, text in {
         "auv/model.config": versions, "auv/model.sdf": "", "auv/b.sdf": model_of("b", again.format("")),
-        "auv/a.sdf": model_of("a", pose.format(9)), "deep/rov/a.stl": "",
+        "auv/a.sdf": model_of("a", pose.format(9)), "deep/rov/a.stl": "", ".old/rov/a.stl": "",
     }.items():  # fmt: skip
         file = tmp_path / ("shared" if "auv" in name else "a/near") / name
         file.parent.mkdir(parents=True, exist_ok=True)
