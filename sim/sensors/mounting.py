@@ -45,8 +45,6 @@ class Mounting(NamedTuple):
 
     def misaligned(self, random: Random) -> "Mounting":
         """Return the mounting as it is in truth, with a turn drawn from `random`."""
-        if not self.misalignment:
-            return self
         turn = [random.gauss(0.0, self.misalignment) for _ in range(3)]
         return self._replace(orientation=to_euler(integrate(self.quaternion, turn, 1.0)))
 

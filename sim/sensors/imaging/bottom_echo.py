@@ -28,7 +28,7 @@ def apply_texture(echoed: Floats, echoes: Echoes, bins: Bins, texture: Texture, 
     hit_seabed = (echoes.object[: len(points)] == SEABED) & np.isfinite(echoes.ranges[: len(points)])
     strided = echoed[::stride]
     lit_bins = np.flatnonzero(strided > 0.0)
-    if not hit_seabed.any() or not len(lit_bins):
+    if not hit_seabed.any():
         return echoed
     ray_order, ray_positions = _sort_rays(echoes.ranges[: len(points)], hit_seabed, shape, _row_offset(bins))
     bin_positions = (np.arange(0, len(echoed), stride) * _row_offset(bins))[:, None] + bins.middles

@@ -122,7 +122,7 @@ def _edges(highest: float, rays: int) -> "Floats":
 
 
 def _aperture(model: SideScanModel) -> "Aperture":
-    """Return port's slices, then starboard's, from the upper end of the main lobe, but at most zenith, to nadir."""
+    """Return port's slices, then starboard's, from the upper end of the main lobe, the zenith at most, to nadir."""
     import numpy as np
 
     from sim.sensors.imaging.echoes import Aperture, beam_pattern, first_null
@@ -130,7 +130,7 @@ def _aperture(model: SideScanModel) -> "Aperture":
     lobe = first_null(model.beam_width)
     along_edges = np.linspace(-lobe, lobe, model.slices + 1)
     alongs = 0.5 * (along_edges[1:] + along_edges[:-1])
-    highest = max(-0.5 * pi, model.depression - first_null(model.beam_height))
+    highest = model.depression - first_null(model.beam_height)
     edges = _edges(highest, model.rays)
     downs = 0.5 * (edges[1:] + edges[:-1])
 

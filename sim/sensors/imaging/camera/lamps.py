@@ -14,7 +14,6 @@ Floats = NDArray[np.float32]
 # Share of scattered light in a backward direction, 1/sr: 1.83 % of the light that Petzold's particles scatter goes into
 # the backward hemisphere (Mobley 1994, Light and Water, table 3.10), with nearly the same intensity in all directions.
 _BACKWARD_SHARE = 0.0183 / (2.0 * np.pi)
-_HALF_BEAM = 1.0  # tangent of half the width of a lamp's beam: 45 degrees
 _TOLERANCE = 0.02  # m: an obstruction this near to a surface is the surface itself
 _RANGES, _ANGLES, _STEPS = 96, 33, 400  # size of the table of backscatter; steps of its integral
 _BLOCK = 65_536
@@ -69,7 +68,7 @@ class Lamps:
         if water is not self._water:
             self._water, self._table = water, self._tabulate(water)
         # The table is over the logarithm of the range, because most light comes from nearby.
-        near = 0.5 * self._offset / _HALF_BEAM
+        near = 0.5 * self._offset
         span = np.log(max(self._reach / near, 2.0))
         x = np.log(np.clip(ranges, near, near * np.exp(span)) / np.float32(near)) * np.float32((_RANGES - 1) / span)
         y = (sideways + np.float32(1.0)) * np.float32(0.5 * (_ANGLES - 1))
@@ -85,7 +84,7 @@ class Lamps:
 
     def _tabulate(self, water: Water) -> Floats:
         """Return the veiling light by colour, range and angle (3 x ranges x angles); see `veil`."""
-        near = 0.5 * self._offset / _HALF_BEAM
+        near = 0.5 * self._offset
         far = max(self._reach, 2.0 * near)
         path_lengths = near * (far / near) ** np.linspace(0.0, 1.0, _STEPS)[:, None]
         sideways = np.linspace(-1.0, 1.0, _ANGLES)[None, :]
@@ -94,7 +93,7 @@ class Lamps:
             squares = path_lengths * path_lengths - 2.0 * path_lengths * offset * sideways + offset * offset
             distances = np.sqrt(np.maximum(squares, 1e-6))
             ahead = path_lengths * np.sqrt(1.0 - sideways * sideways)
-            lit = np.abs(path_lengths * sideways - offset) <= _HALF_BEAM * ahead
+            lit = np.abs(path_lengths * sideways - offset) <= ahead  # to 45 deg on each side
             for channel in range(3):
                 attenuation, scattering = water.attenuation[channel], water.scattering[channel]
                 sent = np.pi * 0.5 * self._brightness * np.exp(-attenuation * (distances + path_lengths)) / distances**2
