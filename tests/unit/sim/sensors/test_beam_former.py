@@ -117,7 +117,6 @@ def test_side_lobes_fill_a_shadow() -> None:
     wanted = (pattern + 10.0**-3.3)[away].sum() / pattern.sum()
     level = levels[246:266].mean() / levels[80:160].mean()
     assert 10.0 * np.log10(level) == pytest.approx(10.0 * np.log10(wanted), abs=2.0)
-    assert -16.0 < 10.0 * np.log10(level) < -9.0
 
 
 # --- objects smaller than the distance between rays

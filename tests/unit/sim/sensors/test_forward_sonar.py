@@ -1,6 +1,6 @@
 """Forward-looking sonar against planes, steps, spheres and cylinders worked out by hand."""
 
-from math import asin, atan2, log10, radians, sin
+from math import asin, atan2, exp, log10, radians, sin
 from typing import Any
 
 import numpy as np
@@ -8,7 +8,7 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.bottom import Bottom
-from sim.environment.obstacles import Cylinder
+from sim.environment.obstacles import Box, Cylinder
 from sim.environment.ocean import Ocean, Profile, Waves
 from sim.environment.relief import Step
 from sim.environment.seawater.absorption import francois_garrison
@@ -46,7 +46,7 @@ def facing_wall(distance: float) -> World:
 
 def test_a_wall_has_exact_ranges() -> None:
     """Each ray's range is that of the wall along it, up to the reach; the patches' edges touch and lie on it too."""
-    sonar = forward(facing_wall(17.0), TRUE._replace(max_range=15.0))
+    sonar = forward(DEEP._replace(box=(Box(18.0, 0.0, 2.0, 300.0),)), TRUE._replace(max_range=15.0))
     echoes = sonar._pinger.ping(0, AHEAD)
     assert echoes is not None
     directions, edges = sonar._pinger._aperture[:2]
@@ -231,6 +231,16 @@ def test_ranges_scale_with_the_assumed_speed_of_sound() -> None:
     assert first == int(29.0 * 1500.0 / 1450.0 / 0.1)
     scaled = forward(world, model._replace(error=ErrorModel(offset=2.0))).sample(0, AHEAD)
     assert np.nonzero(image(scaled)[:, 32])[0][0] == int((29.0 * 1500.0 / 1450.0 + 2.0) / 0.1)
+
+
+def test_range_errors_decay_from_ping_to_ping() -> None:
+    """An error that takes 0.2 s to decay is after each ping, at 5 Hz, 1 / e of that before."""
+    warming = TRUE._replace(ground_truth=False, rate=5.0, error=ErrorModel(warm_up=2.0, warm_up_time=0.2))
+    sonar = forward(facing_wall(17.0), warming)
+    echoes = sonar._pinger.ping(0, AHEAD)
+    assert echoes is not None
+    first, second = (sonar._scale.measure(AHEAD, echoes)[0].ranges[0] - echoes.ranges[0] for _ in range(2))
+    assert second / first == pytest.approx(exp(-1.0))
 
 
 def test_there_are_no_echoes_out_of_the_water() -> None:

@@ -29,15 +29,13 @@ def correlation(one: Any, other: Any) -> float:
 
 
 @pytest.mark.parametrize(
-    ("reach", "microseconds"),
-    [(2.0, 8000.0 * 2.0 / 1500.0), (50.0, 8000.0 * 50.0 / 1500.0), (0.5, 5.0), (100.0, 500.0)],
-)
-def test_a_pulse_grows_with_the_reach_as_the_maker_has_it(reach: float, microseconds: float) -> None:
-    assert ping360_pulse(reach, reach / 1200, 1500.0) == pytest.approx(microseconds * 1e-6)
-
-
-def test_a_pulse_is_two_and_a_half_samples_at_least() -> None:
-    assert ping360_pulse(20.0, 0.1, 1500.0) == pytest.approx(2.5 * 2.0 * 0.1 / 1500.0)
+    ("reach", "microseconds", "samples"),
+    [(2.0, 16e3 / 1.5e3, 1200), (50.0, 400e3 / 1.5e3, 1200), (0.5, 5.0, 1200), (100.0, 500.0, 1200),
+     (20.0, 2.5 * 2.0 * 0.1e6 / 1500.0, 200)],
+)  # fmt: skip
+def test_a_pulse_grows_with_the_reach_as_the_maker_has_it(reach: float, microseconds: float, samples: int) -> None:
+    """It is as long as two and a half samples at least."""
+    assert ping360_pulse(reach, reach / samples, 1500.0) == pytest.approx(microseconds * 1e-6)
 
 
 def test_intensities_are_those_of_all_that_the_pulse_covers_and_of_noise() -> None:

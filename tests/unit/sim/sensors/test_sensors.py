@@ -191,9 +191,10 @@ def test_a_users_own_sensor_gets_its_keys() -> None:
         ("gauge", {"class": section["class"]}), ("gauge", {"sensor": "gauge"}), ("gauge", {"sensor": "odometry"}),
         ("altimeter", {"min_range": 9, "max_range": 9}), ("echosounder", {"min_range": 9, "max_range": 9}),
         ("dvl_water", {"near": 2, "far": 2}), ("usbl", {"assumed_speed": 1299}), ("imu", {"sensor": "dvl"}),
-        ("größe", section),
+        ("größe", section), ("eye", {"sensor": ["camera"]}),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match=f"f: {name}: "):
             read_sensors({name: wrong}, "f")
+    assert read_sensors({"eye": {"sensor": "camera"}}, "f")["eye"].topic == "eye"
     simulation.place((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), NU)
     assert list(simulation.state.nu_dot) == [0.0] * 6
