@@ -102,7 +102,7 @@ def test_a_process_gets_its_setup_and_its_end_is_reported(tmp_path: Path, monkey
     imaging.pid, imaging._thread = 77, cast(Any, SimpleNamespace(join=waits.append, is_alive=lambda: True))
     imaging.close()
     assert (signals, waits, imaging.pid) == ([(77, SIGTERM), (77, SIGKILL)], [GRACE_S] * 2, 0)
-    live(0)
+    assert live(0) == ("exit code 0: last words", 0)
     assert (signals[2:], told[3][3]) == ([(77, SIGTERM)], [None, None]), "it has started meanwhile"
 
 
