@@ -131,13 +131,13 @@ def test_a_free_body_conserves_energy_and_momentum(shares: tuple[float, float, f
 @pytest.mark.parametrize("full", [False, True])
 def test_the_forces_add_up_to_the_equation_of_motion(full: bool, depth: float) -> None:
     """They sum to M nu_r', where nu_r' is nu' less the rate of the water seen from turning axes."""
-    linear = list(HEAVY.linear_damping)
+    damping = [list(HEAVY.linear_damping), list(HEAVY.quadratic_damping)]
     if full:
-        linear = [x for row in square(linear, 6) for x in row]
-        linear[1 * 6 + 5] = linear[5 * 6 + 1] = 0.7
-    vehicle = HEAVY._replace(
-        linear_damping=tuple(linear), center_of_gravity=(0.02, 0.01, 0.03), munk_share=(1.0, 0.2, 0.5)
-    )
+        damping = [[x for row in square(each, 6) for x in row] for each in damping]
+        damping[0][1 * 6 + 5] = damping[1][5 * 6 + 1] = 0.7
+    linear, quadratic = map(tuple, damping)
+    vehicle = HEAVY._replace(linear_damping=linear, quadratic_damping=quadratic, munk_share=(1.0, 0.2, 0.5))
+    vehicle = vehicle._replace(center_of_gravity=(0.02, 0.01, 0.03))
     dynamics = Dynamics(vehicle, 1025.0, 9.82, forces=[Tow()])
     state = State((1.0, 2.0, depth), from_euler(0.4, -0.3, 2.0), (0.8, -0.5, 0.3, 0.6, -0.4, 0.9))
     wrench, current = [30.0, -12.0, 7.0, 1.0, -2.0, 0.5], (0.3, -0.2, 0.1)

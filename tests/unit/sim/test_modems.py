@@ -239,9 +239,8 @@ def test_heads_ask_the_others_in_turn_and_measure_where_they_are() -> None:
     ]  # fmt: skip
     for fix in fixes:
         offset = [a - b for a, b in zip(places[fix.sender], places[fix.receiver], strict=True)]
-        size = hypot(*offset)
+        size, across = hypot(*offset), 1e-6 * hypot(*offset) ** 2
         assert hypot(*fix.offset) == pytest.approx(size, abs=1e-5)
         assert 1e-5 * size < hypot(*[a - b for a, b in zip(fix.offset, offset, strict=True)]) < 0.005 * size
-        across = 1e-6 * size**2
         wanted = [(0.01 - across) * a * b / size**2 + across * (a is b) for a in offset for b in offset]
         assert fix.covariance == pytest.approx(wanted, abs=1e-9)

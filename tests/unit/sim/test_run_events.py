@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from hil.common.errors import DivergenceError
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 from sim.run_events import (
@@ -18,7 +19,7 @@ from sim.run_events import (
     merge_events,
 )
 from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from sim.vehicle.vehicle import load_vehicle, mass_matrix
 
 S = 1_000_000_000
 TICK = S // 20
@@ -136,15 +137,26 @@ def test_each_contact_is_recorded_to_the_step() -> None:
     world = World("some", "made up", (-20.0, 20.0, -20.0, 20.0), 10.0)
     simulation = Simulation(SIX, world, {}, position=(0.0, 0.0, 10.0 - 0.5 * SIX.dimensions[2] - 1e-4))
     simulation.state.nu = [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]
-    reported = []
+    reported, pushes = [], list[float]()
     for _ in range(400):
+        before = simulation.state.nu
         simulation.step((1500,) * 6)
+        forces = simulation.forces()
+        assert any(forces.contact) == simulation.touching
+        assert forces.total == pytest.approx([sum(terms) for terms in zip(*forces[:-1], strict=True)])
         if simulation.touching:
             reported.append(simulation.time_ns)
+            change = [new - old for new, old in zip(simulation.state.nu, before, strict=True)]
+            assert simulation.state.nu_dot == pytest.approx([x / 2.5e-3 for x in change])
+            pushes.append(-forces.contact[2] * 2.5e-3)  # N s
     (event,) = simulation.events.events()
     assert event.what == "the seabed"
     assert event.end_ns == reported[-1]
     assert event.start_ns == reported[0] - 2_500_000
+    assert pushes[0] == pytest.approx(0.1 * mass_matrix(SIX)[2][2], rel=0.5)
+    simulation.place((0.0, 0.0, 9.0), LEVEL, (0.0, 0.0, -1e100, 0.0, 0.0, 0.0))  # damping turns it around, downwards
+    with pytest.raises(DivergenceError):
+        simulation.step((1500,) * 6)
 
 
 def test_new_events_are_returned_once() -> None:

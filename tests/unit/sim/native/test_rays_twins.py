@@ -156,14 +156,8 @@ def test_a_ray_hits_the_nearest_of_all_triangles() -> None:
     """The answer is that of trying each triangle, for rays along the axes and through edges too."""
     rng = random.Random(2)
     step = 0.25
-    squares = [
-        [
-            [(step * (i + a), step * (j + b), 3.0 + (i * j % 3)) for a, b in corners]
-            for corners in (((0, 0), (1, 0), (1, 1)), ((0, 0), (1, 1), (0, 1)))
-        ]
-        for i in range(-9, 9)
-        for j in range(-9, 9)
-    ]
+    corners, places = ((0, 0), (1, 0), (1, 1), (0, 1)), product(range(-9, 9), range(-9, 9))
+    squares = [quad(*[(step * (i + a), step * (j + b), 3.0 + i * j % 3) for a, b in corners]) for i, j in places]
     mesh = mesh_of([triangle for square in squares for triangle in square])
     scene = RayScene(World("w", "test", EXTENT, 100.0), "C")
     scene.add(mesh)
