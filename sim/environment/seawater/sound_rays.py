@@ -63,8 +63,7 @@ class SoundRays:
 
     def _is_even_at(self, depth: float) -> bool:
         """Return True if the layer above or below has a constant speed, so that a level ray stays level."""
-        beyond = [next(self._layers_beyond(depth, down), (0.0, 0.0, 0.0)) for down in (1.0, -1.0)]
-        return any(near == far for _, near, far in beyond if near)
+        return any(near == far for down in (1.0, -1.0) for _, near, far in [*self._layers_beyond(depth, down)][:1])
 
     def _turning(self, level: float, start: float, end: float, extreme: float, down: float) -> Iterator[Ray]:
         """Yield rays that turn below the deeper end, or with `down` -1 above the shallower end, at `extreme` m."""

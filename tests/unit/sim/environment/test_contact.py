@@ -69,13 +69,6 @@ def test_a_vehicle_rests_on_top_of_a_stump() -> None:
     assert max(map(abs, simulation.state.nu)) < 1e-4
 
 
-def test_a_start_is_inside_a_stump_only_at_its_depth() -> None:
-    assert starts_inside(VEHICLE, SEA, (-5.0, 0.0, 7.0))
-    assert starts_inside(VEHICLE, SEA, (9.0, 9.0, 9.95))
-    assert not starts_inside(VEHICLE, SEA, (-5.0, 0.0, 5.0))
-    assert not starts_inside(VEHICLE, SEA, (0.0, 0.0, 5.0))
-
-
 def test_a_vehicle_passes_below_a_pontoon_and_stops_at_its_underside() -> None:
     """A vehicle is clear below a pontoon 2 m deep, pushed down when it rises, and out of its side from beside."""
     pontoon = Box(0.0, 0.0, 6.0, 6.0, top=-1.0, bottom=2.0)

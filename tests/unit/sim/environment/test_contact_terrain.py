@@ -7,20 +7,20 @@ from random import Random
 import pytest
 
 from sim.dynamics import Dynamics, State
-from sim.environment.collision import Contact, starts_inside
+from sim.environment.collision import Contact
+from sim.environment.contact.seabed import SeabedContact
 from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
 from sim.environment.terrain import Terrain, covering
 from sim.environment.terrain_grid import Grid
 from sim.environment.world import World
-from sim.rotations import normalise, rotate
+from sim.rotations import matrix, normalise, rotate
 from sim.simulation import Simulation
-from sim.vehicle.collision_shape import Collision
+from sim.vehicle.collision_shape import Collision, make_shape
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.collisions import check_collisions_add_no_energy, drive_against_obstacles, sinking, total_energy
 from tests.support.flights.runge_kutta import RungeKutta
 
 VEHICLE, _ = load_vehicle("paper_six")
-HALF_HEIGHT = 0.5 * VEHICLE.dimensions[2]
 EXTENT = (-15.0, 15.0, -15.0, 15.0)
 SMOOTH = Collision(friction=0.0, restitution=0.0)
 STEP_NS = 5_000_000  # twice the usual step: harder for collisions, and half the steps
@@ -128,11 +128,21 @@ def test_a_vehicle_does_not_pass_through_steps(heading: float) -> None:
     drive_against_obstacles(simulation, 2500)
 
 
-def test_a_start_inside_a_slope_is_detected() -> None:
-    world = world_of(Slope(8.0, 0.5))
-    assert not starts_inside(VEHICLE, world, (0.0, 0.0, 7.0))
-    assert starts_inside(VEHICLE, world, (-4.0, 0.0, 7.0))
-    assert not starts_inside(VEHICLE, world, (4.0, 0.0, 9.0))
-    edge = 8.0 - HALF_HEIGHT - 0.25 * VEHICLE.dimensions[0]  # its lower stern is as deep as the slope there
-    assert not starts_inside(VEHICLE, world, (0.0, 0.0, edge - 0.01))
-    assert starts_inside(VEHICLE, world, (0.0, 0.0, edge + 0.01))
+def test_points_along_a_hull_are_in_the_ground_by_their_own_depths() -> None:
+    """At random attitudes along a way over steep ground, the first point that is deeper than a limit is found."""
+    ground = world_of(Fractal(9.0, 3.0, seed=5, resolution=2.0)).terrain
+    assert ground
+    contact, chance = SeabedContact(ground, make_shape(Collision(), load_vehicle("remus100")[0].dimensions)), Random(4)
+    level = contact.points((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+    half = level.spheres[0][0]
+    assert sorted(x for x, *_ in level.spheres) == [-half, 0.0, half], "for nodes 2 m apart"
+    for step in range(200):
+        north, east = 9.0 * sin(0.1 * step), 7.0 * cos(0.07 * step)
+        down = ground.depth(north, east) - chance.uniform(-0.5, 1.0)
+        points = contact.points(matrix(normalise([chance.gauss(0.0, 1.0) for _ in range(4)])))
+        below = [down + z - ground.depth(north + x, east + y) for x, y, z in points.surface]
+        deep = [-a * ground.normal(north + x, east + y)[2] for a, (x, y, _) in zip(below, points.surface, strict=True)]
+        assert contact.max_penetration((north, east, down), points) == max(below)
+        for limit in (0.0, 0.1, 0.2, 0.4):
+            first = next((point for point, depth in zip(points.surface, deep, strict=True) if depth > limit), None)
+            assert contact.step_at((north, east, down), points, limit) == first

@@ -14,12 +14,15 @@ from hil.scenario.world_map import map_at
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
 from sim.environment.contact import nearest
+from sim.environment.contact.meshes import MeshContact
 from sim.environment.contact.nearest import distance_to_mesh
 from sim.environment.mesh import MeshKeys, load_obstacle, place_triangles
 from sim.environment.obstacles import Box
 from sim.environment.world import World, load_world
 from sim.rays.scene import RayScene
+from sim.rotations import from_euler, matrix, normalise
 from sim.sensors.imaging.scenery import Scenery
+from sim.vehicle.collision_shape import Collision, make_shape
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.lazy import import_lazily
 
@@ -174,6 +177,30 @@ def test_a_vehicle_stops_at_a_mesh_slides_below_it_and_cannot_start_in_it(tmp_pa
     far = Contact(VEHICLE, world, inverse)
     far.resolve(State((-20.0, 0.0, 8.0)))
     assert 30.0 - 3.0 < far.clearance()[2] < 30.0
+
+
+@pytest.mark.parametrize("name", ["paper_six", "remus100"])
+def test_each_point_of_a_hull_in_a_mesh_has_its_own_penetration(name: str) -> None:
+    """A triangle faces the vehicle, 3 cm nearer than the hull reaches in that direction, or 2 cm from its origin."""
+    shape, chance = make_shape(Collision(), load_vehicle(name)[0].dimensions), np.random.default_rng(3)
+    out, radius = -np.array(matrix(from_euler(0.3, 0.4, 0.6)))[::3], shape.points[0][3]
+    for number, attitude in enumerate(chance.normal(0.0, 1.0, (40, 4)).tolist()):
+        rotation = matrix(normalise(attitude))
+        inward = -out @ np.array(rotation).reshape(3, 3)  # along body axes
+        reach = max(inward @ np.array(point[:3]) + point[3] for point in shape.points)
+        gap = reach - 0.03 if number % 2 else 0.02
+        keys = [MeshKeys("", 5.0 - a, 1.0, 10.0, (0.3, 0.4, 0.6), name=str(a)) for a in (99.0, 0.0)]
+        plates = [place_triangles(each, array("d", [0, -9, -9, 0, 9, -9, 0, 0, 9])) for each in keys]
+        contact = MeshContact(EMPTY._replace(mesh=tuple(plates)), shape)
+        found = list(contact.touches((np.array([5.0, 1.0, 10.0]) + gap * out).tolist(), rotation))
+        assert max(depth for depth, *_ in found) == pytest.approx(reach - gap, abs=0.2 * radius + 1e-9)
+        for depth, normal, point, label in found:
+            assert normal == pytest.approx(out, abs=1e-9)
+            assert label == "0.0"
+            assert depth == pytest.approx(-out @ point - gap, abs=1e-6)
+            at = np.abs(point @ np.array(rotation).reshape(3, 3))
+            size = np.linalg.norm(at - np.minimum(at, (shape.points[0][0], 0, 0))) - radius if radius else 0.0
+            assert size <= 1e-9, "on the hull, or on the axis within a capsule's ends"
 
 
 def test_a_mesh_is_on_the_map_at_its_depths(tmp_path: Path) -> None:

@@ -1,12 +1,14 @@
 """Rays of sound in a profile, against solutions in closed form."""
 
 from math import asin, asinh, hypot, inf, sqrt
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.environment.ocean import Profile
+from sim.environment.seawater import sound_rays
 from sim.environment.seawater.absorption import francois_garrison
 from sim.environment.seawater.pressure import depth_of, pressure_at
 from sim.environment.seawater.sound_rays import Ray, SoundRays
@@ -38,6 +40,9 @@ def test_a_linear_gradient_bends_rays_to_circles(gradient: float, level: float, 
     cosine = sqrt(1.0 - ray.departure**2)
     if level:
         radius = (1500.0 + gradient * start) / (abs(gradient) * cosine)
+        if start == end:  # its turning point is in the middle
+            sine = gradient / abs(gradient) * chord / (2.0 * radius)
+            assert (ray.departure, ray.arrival) == pytest.approx((sine, -sine), rel=1e-6)
         assert ray.length == pytest.approx(2.0 * radius * asin(chord / (2.0 * radius)), rel=1e-9)
     else:
         assert ray.length == chord
@@ -64,10 +69,12 @@ def test_rays_follow_snells_law_and_are_reversible(level: float, start: float, e
 @pytest.mark.parametrize(
     ("level", "start", "end"), [(900.0, 100.0, 1200.0), (2500.0, 800.0, 900.0), (400.0, 1290.0, 60.0)]
 )
-def test_a_ray_ends_at_its_target(level: float, start: float, end: float) -> None:
-    """A ray that is followed in small steps by its slope at the start ends at its target."""
-    rays = SoundRays(*CHANNEL, 5000.0)
-    ray = rays.between(level, start, end)
+def test_a_ray_ends_at_its_target(level: float, start: float, end: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ray that is followed by its slope at the start ends at its target. The search for it takes few steps."""
+    steps = Mock(side_effect=sound_rays._sums)
+    monkeypatch.setattr(sound_rays, "_sums", steps)
+    ray = SoundRays(*CHANNEL, 5000.0).between(level, start, end)
+    assert steps.call_count <= 8
     assert ray is not None
     speed = WaterColumn(Profile(tuple(CHANNEL[0]), (1025.0,) * 6, tuple(CHANNEL[1])), 9.8).sound_speed
     depth, sine, time, step = start, ray.departure, 0.0, level / 20_000
@@ -104,12 +111,14 @@ def test_the_bed_blocks_rays_that_bend_down_to_it() -> None:
 
 
 def test_rays_are_straight_at_a_constant_speed_of_sound() -> None:
-    layers = SoundRays([0.0, 50.0, 60.0, 100.0], [1520.0, 1520.0, 1500.0, 1500.0])
+    layers = SoundRays([0.0, 50.0, 60.0, 100.0], [1520.0, 1520.0, 1505.0, 1500.0])
     assert layers.between(300.0, 10.0, 50.0) == Ray(
         hypot(300.0, 40.0) / 1520.0, hypot(300.0, 40.0), 40.0 / hypot(300.0, 40.0), 40.0 / hypot(300.0, 40.0)
     )
     level = layers.between(5000.0, 150.0, 150.0)
     assert level == Ray(5000.0 / 1500.0, 5000.0, 0.0, 0.0)
+    assert layers.between(300.0, 50.0, 50.0) == Ray(300.0 / 1520.0, 300.0, 0.0, 0.0), "the layer above is even"
+    assert layers.between(0.0, 20.0, 20.0) == Ray(0.0, 0.0, 0.0, 0.0)
     column = WaterColumn(Profile((0.0, 10.0), (1000.0, 1001.0), (1480.0, 1480.0)), 9.8)
     assert column.rays(50.0) is None
     assert WaterColumn(Profile((0.0,), (1000.0,)), 9.8).rays(50.0) is None

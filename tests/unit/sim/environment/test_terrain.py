@@ -12,7 +12,7 @@ from hil.common.errors import ConfigError
 from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
 from sim.environment.terrain import NO_DATA, Terrain, covering
 from sim.environment.terrain_grid import Grid
-from sim.environment.world import World, load_world
+from sim.environment.world import load_world
 
 WORLD = """
 name = "mine"
@@ -113,17 +113,6 @@ def test_a_higher_hurst_exponent_is_smoother() -> None:
 
 
 # --- worlds
-
-
-def test_a_world_file_can_have_a_terrain_rule(tmp_path: Path) -> None:
-    world = load_world(
-        world_file(tmp_path, '[terrain]\nkind = "slope"\ndepth = "20 m"\nslope = 0.25\nresolution = 2\n')
-    )
-    assert world.seabed(0.0, 0.0) == 20.0
-    assert world.seabed(9.0, 5.0) == 22.25
-    assert world.seabed(-10.0, 20.0) == 17.5
-    assert world.seabed(31.0, 0.0) == 25.0  # beyond: flat
-    assert World("flat", "test", (0.0, 1.0, 0.0, 1.0), 8.0).seabed(0.5, 0.5) == 8.0
 
 
 FILE = '[terrain]\nfile = "bay.f32"\nnorth_min = -4\neast_min = 2\nresolution = 0.5\nrows = 3\ncolumns = 4\n'
