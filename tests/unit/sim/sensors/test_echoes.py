@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil.common.errors import ConfigError
 from sim.environment.seawater.absorption import francois_garrison
 from sim.sensors.imaging.echoes import (
     Bins,
@@ -13,6 +14,7 @@ from sim.sensors.imaging.echoes import (
     add_speckle,
     array_pattern,
     beam_pattern,
+    count_bins,
     first_null,
 )
 
@@ -88,6 +90,13 @@ def test_an_echo_without_length_is_in_one_bin() -> None:
     found = Bins(0.0, 0.5, 11, 0.1).distribute(echoes_of(at, at, np.array([[2.0], [3.0], [1.0]])), 3)
     assert found.sum(axis=1) == pytest.approx([2.0, 3.0, 0.0])
     assert [int(row.argmax()) for row in found] == [0, 9, 0]
+
+
+def test_a_sonar_has_one_to_20000_bins() -> None:
+    assert (count_bins(0.3, 0.5, 0.2), count_bins(0.0, 2000.0, 0.1)) == (1, 20_000)
+    for last in (0.09, 2000.1):
+        with pytest.raises(ConfigError, match="range_step"):
+            count_bins(0.0, last, 0.1)
 
 
 def test_speckle_is_rayleigh_distributed() -> None:

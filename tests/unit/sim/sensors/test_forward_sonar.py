@@ -203,6 +203,7 @@ def test_a_fan_shows_a_cell_at_its_range_and_bearing(row: int, beam: int, encodi
     echoes[row, beam] = 255
     sample = SonarImageSample(0, tuple(beams), 20, 1.0, 0.3, 7e5, 1500.0, 0.1, 0.3, encoding, echoes.tobytes())
     picture = render_fan(sample, 350)
+    assert picture.shape == (350, round(2.0 * 350.0 * sin(0.7)))
     assert np.unique(picture) == pytest.approx([0, 51, 255], abs=1)
     assert (picture > 0).sum() == pytest.approx(0.5 * (350**2 - 50**2) * 1.1, rel=0.01)
     y, x = np.nonzero(picture == 255)

@@ -191,7 +191,7 @@ def test_a_users_own_sensor_gets_its_keys() -> None:
         ("gauge", {"class": section["class"]}), ("gauge", {"sensor": "gauge"}), ("gauge", {"sensor": "odometry"}),
         ("altimeter", {"min_range": 9, "max_range": 9}), ("echosounder", {"min_range": 9, "max_range": 9}),
         ("dvl_water", {"near": 2, "far": 2}), ("usbl", {"assumed_speed": 1299}), ("imu", {"sensor": "dvl"}),
-        ("größe", section), ("eye", {"sensor": ["camera"]}),
+        ("größe", section), ("eye", {"sensor": ["camera"]}), ("mute", {"class": "builtins:object", "rate": 1}),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match=f"f: {name}: "):
             read_sensors({name: wrong}, "f")
