@@ -27,7 +27,7 @@ def thrust_share(immersion: float) -> float:
     if immersion <= _NO_THRUST:  # a vehicle that diverges is so far up that the power overflows
         return 0.0
     lost: float = 0.675 * max(0.0, 1.0 - 0.769 * immersion) ** 1.258
-    return min(1.0, max(0.0, 1.0 - lost))
+    return max(0.0, 1.0 - lost)
 
 
 class Surface(Protocol):

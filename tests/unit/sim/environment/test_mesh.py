@@ -40,8 +40,11 @@ def block(folder: Path, name: str = "block.stl", scale: float = 1.0) -> str:
     combined: Any = trimesh.util.concatenate(parts)
     if name.endswith(".glb"):  # its axes: x left, y up, z forward
         combined.apply_transform(np.array([[0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]]))
-    combined.apply_scale(scale)
+    combined.apply_scale(scale / 2.0 if name.endswith(".dae") else scale)
     combined.export(str(folder / name))
+    if name.endswith(".dae"):  # its unit is 2 m
+        text = (folder / name).read_text()
+        (folder / name).write_text(text.replace("<asset>", '<asset><unit meter="2.0"/>'))
     return name
 
 
@@ -50,7 +53,7 @@ def world_with(folder: Path, file: str = "block.stl", **keys: object) -> World:
     return EMPTY._replace(mesh=(mesh,))
 
 
-@pytest.mark.parametrize("name", ["block.stl", "block.obj", "block.glb"])
+@pytest.mark.parametrize("name", ["block.stl", "block.obj", "block.glb", "block.dae"])
 def test_every_file_format_gives_the_same_orientation(tmp_path: Path, name: str) -> None:
     """The mast is at the front, to the left and up: north-west and above of a block that is not turned."""
     block(tmp_path, name, 1000.0)

@@ -41,11 +41,11 @@ def test_a_buoyancy_engine_pumps_at_its_rate_between_its_limits() -> None:
     for pulse, seconds, volume in (
         (1900, 1.0, 530e-6),
         (0, 1.0, 530e-6),  # no pulse: it stays
-        (1900, 15.0, 955e-6),
+        (2100, 15.0, 955e-6),
         (1100, 5.0, 805e-6),
         (1700, 5.0, 727.5e-6),  # half way from neutral to the maximum
         (1300, 16.0, 290e-6),
-        (1100, 8.0, 80e-6),
+        (900, 8.0, 80e-6),
     ):
         for _ in range(round(seconds * 100)):
             simulation.step(idle(vehicle, buoyancy_engine=pulse))
@@ -168,8 +168,9 @@ def test_releases_are_scheduled_by_name_and_validated(tmp_path: Path) -> None:
 
 
 def test_a_drop_weight_must_be_a_part_of_the_vehicle() -> None:
-    offloaded = TETHYS._replace(drop_weights=(WEIGHT._replace(mass=200.0),))
-    assert "'keel' is more than the vehicle" in str(validate_drop_weights(offloaded))
+    for whole in (WEIGHT._replace(mass=TETHYS.mass), WEIGHT._replace(volume=TETHYS.volume)):
+        offloaded = TETHYS._replace(drop_weights=(whole,))
+        assert "'keel' is more than the vehicle" in str(validate_drop_weights(offloaded))
     far = TETHYS._replace(drop_weights=(WEIGHT._replace(mass=50.0, position=(5.0, 0.0, 0.0)),))
     assert "'keel' leaves an inertia that is not positive definite" in str(validate_drop_weights(far))
 

@@ -70,7 +70,7 @@ def righting_lever(hull: Hull, share: float, heel: float) -> float:
 def test_a_box_rights_itself_as_a_wall_sided_hull(immersed: float, heel: float) -> None:
     """The lever about the middle is (GM + BM tan² / 2) sin, with the weight in the middle, until an edge immerses."""
     width, height = 1.0, 0.6
-    hull, angle = hull_of(HullForm(boxes=((0.0, 0.0, 0.0, 2.0, width, height),)), 1.2), radians(heel)
+    hull, angle = hull_of(HullForm(boxes=((0.3, -0.2, 0.1, 2.0, width, height),)), 1.2), radians(heel)
     draught = immersed * height
     radius = width**2 / 12.0 / draught
     middle = 0.5 * height - 0.5 * draught  # from the centre of the immersed part up to the weight

@@ -206,8 +206,8 @@ def test_the_cross_flow_coefficient_depends_on_speed() -> None:
 
 def test_pulses_and_deflections_convert_both_ways() -> None:
     fin = RUDDER._replace(pwm_min_us=1200, max_deflection=0.4)
-    assert [deflection(fin, us) for us in (1100, 1200, 1350, 1500, 1700, 1900, 2100)] == pytest.approx(
-        [-0.4, -0.4, -0.2, 0.0, 0.2, 0.4, 0.4]
+    assert [deflection(fin, us) for us in (1100, 1200, 1350, 1500, 1501, 1700, 1900, 2100)] == pytest.approx(
+        [-0.4, -0.4, -0.2, 0.0, 0.001, 0.2, 0.4, 0.4]
     )
     assert [pulse(fin, angle) for angle in (-1.0, -0.2, 0.0, 0.2, 1.0)] == [1200, 1350, 1500, 1700, 1900]
 

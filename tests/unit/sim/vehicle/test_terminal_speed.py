@@ -22,9 +22,8 @@ def top_speeds(vehicle: Vehicle, density: float = 1000.0) -> tuple[AxisCapabilit
 
 def test_the_terminal_speed_solves_its_equation() -> None:
     for force, *drag in ((5.0, 2.0, 3.0), (-5.0, 2.0, 3.0), (1e-9, 2.0, 3.0), (8.0, 2.0, 0.0), (8.0, 0.0, 2.0)):
-        linear, quadratic = drag
-        v = terminal_speed(force, linear, quadratic)
-        assert linear * v + quadratic * v * abs(v) == pytest.approx(force, rel=1e-12)
+        v = terminal_speed(force, *drag)
+        assert drag[0] * v + drag[1] * v * abs(v) == pytest.approx(force, rel=1e-12)
     assert terminal_speed(0.0, 0.0, 0.0) == 0.0
     assert terminal_speed(-1.0, 0.0, 0.0) == -inf
 

@@ -17,7 +17,7 @@ SQUARE = Thruster("square", (0, 0, 0), (1, 0, 0), 80.0, 40.0, dead_band_us=25)
 @pytest.mark.parametrize(
     ("pulse", "thrust"),
     [(1500, 0.0), (1475, 0.0), (1525, 0.0), (1900, 80.0), (2200, 80.0), (1100, -40.0), (800, -40.0),
-     (1525 + 375 // 3, 80.0 / 9.0)],
+     (1525 + 375 // 3, 80.0 / 9.0), (1526, 80.0 / 375.0**2), (1474, -40.0 / 375.0**2)],
 )  # fmt: skip
 def test_the_square_curve_has_its_values(pulse: int, thrust: float) -> None:
     assert steady_thrust(SQUARE, pulse) == pytest.approx(thrust)
@@ -75,10 +75,10 @@ def test_pulses_may_be_lists_or_tuples_of_the_right_length() -> None:
 def test_a_thruster_that_fails_later_sticks_at_its_present_pulse() -> None:
     thrusters = ThrusterSet(load_vehicle("paper_six")[0], 1.0)
     thrusters.step((1700,) * 6)
-    thrusters.fail([Failure("front_left", "stuck")])
-    before = thrusters.reports
-    assert before == thrusters.thrusts
+    thrusters.fail([Failure("front_left", "stuck"), Failure("rear_left", "efficiency", efficiency=0.5)])
+    assert (before := thrusters.reports) == thrusters.thrusts
     thrusters.step((1300,) * 6)
+    assert thrusters.reports == thrusters.thrusts, "without a loss in the water"
     assert [i for i, (a, b) in enumerate(zip(thrusters.thrusts, before, strict=True)) if a == pytest.approx(b)] == [1]
     with pytest.raises(ConfigError, match="no thruster 'x'"):
         thrusters.fail([Failure("x", "off", time=9.0)])
