@@ -8,6 +8,7 @@ import pytest
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
 from sim.environment.contact.impulses import Touch
+from sim.environment.contact.solids import distance_to
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 from sim.rotations import normalise, rotate
@@ -85,6 +86,8 @@ def test_a_vehicle_passes_below_a_pontoon_and_stops_at_its_underside() -> None:
             assert state.nu[2] == pytest.approx(0.0, abs=1e-4)
         elif not free:
             assert state.position == pytest.approx((3.0 + front, 0.0, 1.0), abs=1e-5)
+    above_rim = distance_to(Cylinder(1.0, 0.0, 2.0, top=5.0), 4.0, 4.0, 1.0)  # 3 m beside it and 4 m above
+    assert above_rim == pytest.approx((5.0, 0.36, 0.48, -0.8))
     assert world.clearance(0.0, 0.0, 5.0, height=1.0) == float("inf")
     assert world.clearance(0.0, 0.0, 5.0) == -3.0
     assert world.foot(pontoon, 0.0, 0.0) == 2.0

@@ -60,8 +60,9 @@ def test_bytes_are_srgb_encoded() -> None:
 
 
 def test_ray_lengths_follow_from_the_depths() -> None:
-    lengths = ray_lengths(3, 1, 2.0, 2.0, 1.0, 0.0)
-    assert lengths[0] == pytest.approx([sqrt(1.25), 1.0, sqrt(1.25)])
+    lengths = ray_lengths(3, 2, 2.0, 4.0, 1.0, 1.0)
+    assert lengths[0] == pytest.approx([sqrt(1.3125), sqrt(1.0625), sqrt(1.3125)])
+    assert lengths[1] == pytest.approx([sqrt(1.25), 1.0, sqrt(1.25)])
 
 
 def test_every_jerlov_type_can_be_named_by_a_camera() -> None:

@@ -2,7 +2,7 @@
 
 from array import array
 from itertools import pairwise
-from math import cos, exp, nan, pi, sin, sqrt
+from math import cos, exp, inf, nan, pi, sin, sqrt
 from pathlib import Path
 from statistics import fmean, pstdev
 
@@ -10,6 +10,7 @@ import pytest
 
 from hil.common.errors import ConfigError
 from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
+from sim.environment.shallows import distance_to_shallows
 from sim.environment.terrain import NO_DATA, Terrain, covering
 from sim.environment.terrain_grid import Grid
 from sim.environment.world import load_world
@@ -66,6 +67,22 @@ def test_the_shallowest_bound_is_never_deeper_than_the_terrain() -> None:
     assert terrain.shallowest(100.0, 0.0, 3.0) == 15.0
     grid = Grid(0.0, 0.0, 1.0, 9, 9)
     assert Terrain(grid, array("f", [5.0] * 40 + [nan] + [5.0] * 40), 5.0).shallowest(4.0, 4.0, 1.0) == NO_DATA
+
+
+def test_the_distance_to_shallows_is_that_to_the_contour_a_wall_or_the_edge() -> None:
+    """The bed falls to the east, or is 50 m deep around a node without data and in shallow surroundings."""
+    grid = Grid(-20.0, -30.0, 2.0, 21, 31)
+    plane = Terrain(grid, array("f", [j - 5.0 for _ in range(21) for j in range(31)]), 99.0)
+    found = [
+        distance_to_shallows(plane, 1.0, east, 11.0, within)
+        for east, within in ((17.0, 50.0), (17.0, 14.9), (-4.0, 9.0))
+    ]
+    assert found == pytest.approx([15.0, inf, -3.0])
+    holed = Terrain(grid, array("f", [nan if n == 5 * 31 + 20 else 50.0 for n in range(21 * 31)]), 3.0)
+    places = [(-5.0, 10.0), (13.0, 0.0), (-14.0, -3.0), (1.0, 26.0), (1.0, -25.0)]
+    assert [distance_to_shallows(holed, *place, 3.0, 50.0) for place in places] == pytest.approx(
+        [3.0, 7.0, 6.0, 4.0, 5.0]
+    )
 
 
 # --- rules

@@ -31,6 +31,9 @@ def test_clearance_of_a_cylinder_is_the_distance_to_its_side() -> None:
     assert world.clearance(3.0, 4.0) == -2.0
     assert world.clearance(3.0, 5.0) == -1.0
     assert EMPTY.clearance(0.0, 0.0) == inf
+    assert len(world.within(3.0, 15.0, 9.1)) == len(world.within(-8.0, 4.0, 9.1)) == 1
+    assert not world.within(3.0, 15.0, 8.9)
+    assert not world.within(-8.0, 4.0, 8.9)
 
 
 def test_clearance_of_a_turned_box_agrees_with_its_outline() -> None:
