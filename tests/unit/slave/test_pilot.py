@@ -148,12 +148,13 @@ def test_azimuth_thrusters_turn_to_where_the_force_is_wanted() -> None:
     assert (sum(ahead), sum(aside), 0.7 * aside[0] - 0.8 * aside[1]) == pytest.approx((10.0, 30.0, 6.0), abs=0.5)
 
 
-def test_a_plant_weighs_and_floats_as_its_vehicle() -> None:
+def test_a_plant_weighs_and_floats_as_its_vehicle_and_fins_have_their_own_controller() -> None:
     plant, mass = plant_of(VEHICLE, WORLD.density, WORLD.gravity), mass_matrix(VEHICLE)
     lift = Simulation(VEHICLE, WORLD, {}, position=(0.0, 0.0, 2.0)).forces().restoring[2]
     assert (plant.weight, plant.weight - plant.buoyancy) == pytest.approx((VEHICLE.mass * WORLD.gravity, lift))
     assert plant.inertia == tuple([mass[axis][axis] for axis in range(6)])
     lauv, control = load_vehicle("lauv")
+    assert type(build_pilot(load_scenario("paper_field"), lauv, control, WORLD).controller).__name__ == "FinController"
     with pytest.raises(ConfigError, match="a vehicle with fins is steered by the cascade"):
         build_pilot(load_scenario("paper_field"), lauv, {**control, "family": "other"}, WORLD)
 
