@@ -101,7 +101,7 @@ def test_a_modem_that_sends_or_begins_to_cannot_receive(sends_at: float) -> None
 
 def test_one_message_at_a_time_is_sent_and_too_long_ones_refused() -> None:
     channel = AcousticChannel(EXACT, 50.0, seed=1)
-    assert channel.send(0, "a", b"x", TWO)
+    assert channel.send(0, "a", b"x" * 64, TWO)
     assert channel.send(1, "a", b"x", TWO) == 0
     assert channel.send(NS, "a", b"x" * 65, TWO) == 0
     assert (channel.counts["busy"], channel.counts["too_long"]) == (1, 1)
