@@ -27,8 +27,9 @@ from coverage import CoverageData
 ROOT = Path(__file__).parent.parent
 LEAST, LIMIT_S = 0.9, 600  # share of changes that tests must catch; for one change: tests that hang have caught it
 MAVLINK = "-k=mavlink or qgroundcontrol"
+SLAVE = "slave", "autopilots", "test_failsafe.py", "ros/test_ros_descriptions.py"
 ROOMS = {  # the unit tests of each, and its process tests
-    "hil/slave": (["tests/unit/slave"], ["tests/process/slave", "tests/process/test_failsafe.py"]),
+    "hil/slave": (["tests/unit/slave"], [f"tests/process/{name}" for name in SLAVE]),
     "hil/links": (["tests/unit/links", "tests/unit/commands/test_frame_command.py"], ["tests/process/links"]),
     "hil/gateways/mavlink": (["tests/unit/gateways", MAVLINK], ["tests/process/gateways", MAVLINK]),
     "sim": (["tests/unit/sim", "tests/unit/autonomy"], ["tests/process/sim"]),
