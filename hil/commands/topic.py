@@ -103,10 +103,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _settle(session: Session, stop_fd: int) -> None:
-    """Wait until the peer has declared its topics and services."""
-    deadline = now_ns() + seconds_ns(SETTLE_S)
-    while not session.tokens(graph.ALL) and now_ns() < deadline:
-        pause(stop_fd, POLL_S)
+    """Wait until the peer has declared its topics and services: until no more of them come."""
+    deadline, known = now_ns() + seconds_ns(SETTLE_S), 0
+    while (not known or len(session.tokens(graph.ALL)) > known) and now_ns() < deadline:
+        known = len(session.tokens(graph.ALL))
+        pause(stop_fd, 3 * POLL_S)
 
 
 def _list(session: Session, options: argparse.Namespace, stop_fd: int) -> None:

@@ -78,8 +78,8 @@ class UsblRounds:
         north, east, down = (a - b for a, b in zip(source, head, strict=True))
         size = sqrt(north * north + east * east + down * down)
         line = (north / size, east / size, down / size) if size else (0.0, 0.0, 1.0)
-        up, starboard = (process.measure(0.0) for process in self._angles)
-        x, y, z = rotate_direction(line, up, starboard)
+        down, starboard = (process.measure(0.0) for process in self._angles)
+        x, y, z = rotate_direction(line, down, starboard)
         along = variance(self._range_error, self._period_ns * 1e-9, size)
         covariance = position_covariance(line, along, self._angle_variance * size * size)
         measured = packet.distance
