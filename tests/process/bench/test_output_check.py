@@ -81,17 +81,8 @@ def test_outputs_of_the_firmware_are_checked_over_serial(
 def test_outputs_are_checked_over_can_with_figures_of_the_motor_controllers(
     protocol: str, unit: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    output_findings = findings(
-        capsys,
-        "--stm32",
-        "python",
-        "--protocol",
-        protocol,
-        "--port",
-        f"can:virtual:check-{protocol}",
-        "--channels",
-        "3",
-    )
+    words = f"--stm32 python --protocol {protocol} --port can:virtual:check-{protocol} --channels 3"
+    output_findings = findings(capsys, *words.split())
     assert len(output_findings) == 3
     assert all(one["motor"][unit] > 0 and "A" in one["motor"] and "V" in one["motor"] for one in output_findings)
 

@@ -33,7 +33,7 @@ def truth(latitude: Array, longitude: Array) -> Array:
 def write_netcdf(
     path: Path, dims: str = "yx", north: int = 1, east: int = 1, names: str = "lat lon", states: str = "sua",
     uneven: bool = False, classic: bool = False, kind: str = "f4", stored: tuple[float, float] = (1.0, 0.0),
-    shift: float = 0.0, name: str = "depth", hole: float | None = None, **attributes: Any,
+    shift: float = 0.0, name: str = "depth", hole: float | None = None, **attributes: Any
 ) -> str:  # fmt: skip
     """Write depths with `dims` in this order; axes state s(tandard_name), u(nits), a(xis); `stored`: scale, offset."""
     along = 54.0 + 0.1 * np.linspace(0.0, 1.0, 41) ** (1.5 if uneven else 1.0)

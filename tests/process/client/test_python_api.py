@@ -152,10 +152,7 @@ def silent(endpoint: str) -> Iterator[Vehicle]:
         (lambda v: v.thrust(nan, 0, 0, 0, 0, 0), "thruster 1: nan"),
         (lambda v: v.follow([(1.0, 2.0)]), "(north, east, depth)"),
         (lambda v: v.samples("imuu"), "did you mean 'imu'"),
-        (
-            lambda v: v.samples("thermometer"),
-            "of your own is known once its scenario was read: hil.scenario.config.load_scenario",
-        ),
+        (lambda v: v.samples("thermometer"), "of your own is known once its scenario was read: hil.scenario.config"),
     ],
 )
 def test_wrong_arguments_are_reported(silent: Vehicle, wrong_call: Callable[[Vehicle], object], message: str) -> None:

@@ -77,26 +77,14 @@ SECURITY = "security={slave='no/slave', master='no/master', may_command=['master
         (["master.goal=[99, 0]"], "problem", "master: goal: the goal (99.00 m north, 0.00 m east) is outside the map"),
         (["master.margin=20"], "problem", "start: the start (0.00 m north"),
         (["master.time_limit=20"], "problem", "master: time_limit: the path of 74 m takes at least 93 s at 0.80 m/s"),
-        (
-            ["slave.deadman=0.1", "master.command_period=0.2"],
-            "problem",
-            "slave: deadman: 0.1 s, but commands are 0.2 s apart",
-        ),
+        (["slave.deadman=0.1", "master.command_period=0.2"], "problem", "slave: deadman: 0.1 s, but commands are"),
         (["slave.deadman=0.3", "master.command_period=0.2"], "warning", "go to neutral after a lost command"),
         (["network.command_rate=10"], "warning", "network: command_rate: the slave accepts 10 commands a second"),
         (["slave.control_period=0.001"], "warning", "slave: control_period: 0.001 s is shorter than step"),
         (["slave.step=0.02"], "problem", "sensor 'imu': its rate is above 50 Hz"),
         (["failure=[{thruster='t', kind='off'}]"], "problem", "failure: no thruster 't'; there are: front_right"),
-        (
-            ["failure=[{thruster='rear_left', kind='off', time=400.0}]"],
-            "warning",
-            "failure[0]: time: 400 s is after the end of the run",
-        ),
-        (
-            ["tether.length=3"],
-            "problem",
-            "tether: length: 3 m, but the anchor is 5.0 m away from start: use at least 5",
-        ),
+        (["failure=[{thruster='rear_left', kind='off', time=400.0}]"], "warning", "failure[0]: time: 400 s is after"),
+        (["tether.length=3"], "problem", "tether: length: 3 m, but the anchor is 5.0 m away from start: use"),
         (["planner.class=hil.master.avoid:Avoid"], "problem", "planner: Avoid needs the topic 'laser'"),
         (["modem.slot=1"], "warning", "modem: has no effect: only a fleet"),
         (["mavlink.endpoints=['tcpin:127.0.0.1:7448']"], "problem", "listen uses ports 7447 and 7448"),
@@ -162,11 +150,7 @@ def members(*member_positions: tuple[float, int]) -> str:
 @pytest.mark.parametrize(
     ("changes", "level", "message"),
     [
-        (
-            [members((0.0, 7000), (0.3, 7002), (3.0, 7004))],
-            "problem",
-            "member[1]: m1 starts 0.30 m from m0 (member[0])",
-        ),
+        ([members((0.0, 7000), (0.3, 7002), (3.0, 7004))], "problem", "member[1]: m1 starts 0.30 m from m0"),
         ([members((0.0, 7000), (2.0, 7001), (4.0, 7004))], "problem", "member[1]: listen: tcp/127.0.0.1:7001 uses"),
         ([members((0.0, 7000), (2.0, 7002))], "problem", "hunting: 2 vehicles cannot surround a target"),
         (["hunting.ring=0.2"], "problem", "hunting: ring: neighbours on it are 0.28 m apart, less than min_separation"),

@@ -15,14 +15,8 @@ __all__ = ["board"]  # the fixtures
 
 
 CAN = SERIAL + '[link]\nport = "can:socketcan:can0"\nprotocol = "vesc"\nbitrate = 500_000\n'
-
-
 GOVERNOR = "sys/devices/system/cpu/cpu{}/cpufreq/scaling_governor"
-
-
 THROTTLED = "commands/vcgencmd_get_throttled"
-
-
 TCP = "{:4d}: {}:{:04X} 00000000:0000 {} 00000000:00000000 00:00000000 00000000  1000        0 {} 1 0 100 0 0 10 0\n"
 
 
@@ -106,12 +100,7 @@ def test_a_healthy_board_has_no_problem(board: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("fault", "topic", "text", "remedy"),
     [
-        (
-            no_permission,
-            "serial port",
-            "/dev/serial0 (/dev/ttyS0): no permission for nobody",
-            "usermod -aG dialout nobody",
-        ),
+        (no_permission, "serial port", "/dev/serial0 (/dev/ttyS0): no permission", "usermod -aG dialout nobody"),
         (unplugged, "serial port", "/dev/serial0 (/dev/ttyS0) does not exist", "enable_uart=1"),
         (kernel_console, "console", "the kernel's console is on ttyS0", "console="),
         (hidden_console, "console", "the kernel's console is on ttyS0", "console="),
@@ -129,7 +118,7 @@ def test_a_healthy_board_has_no_problem(board: Path, capsys: pytest.CaptureFixtu
 )
 def test_each_planted_fault_is_found(
     board: Path, capsys: pytest.CaptureFixture[str],
-    fault: Callable[[Path], None], topic: str, text: str, remedy: str,
+    fault: Callable[[Path], None], topic: str, text: str, remedy: str
 ) -> None:  # fmt: skip
     fault(board)
     code, found = examine(board, capsys)

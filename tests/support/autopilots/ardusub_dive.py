@@ -49,7 +49,7 @@ class Dive(AutopilotDive):
 
     def __init__(
         self, folder: Path, vehicle: str = "bluerov2_heavy", instance: int = 3, pressure: str = "",
-        positions: str = "simulated", autopilot: str = "", sensors: str = "",
+        positions: str = "simulated", autopilot: str = "", sensors: str = ""
     ) -> None:  # fmt: skip
         world, path = folder / "stream.toml", folder / "dive.toml"
         world.write_text(WORLD)

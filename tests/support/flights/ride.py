@@ -23,10 +23,7 @@ SENSORS = select_sensors(imu=SensorSpec(Imu, ImuModel(100.0), Mounting((0.1, -0.
 
 
 def twins(
-    monkeypatch: pytest.MonkeyPatch,
-    world: World,
-    vehicle: Vehicle = HEAVY,
-    **others: Any,
+    monkeypatch: pytest.MonkeyPatch, world: World, vehicle: Vehicle = HEAVY, **others: Any
 ) -> tuple[Simulation, Simulation]:
     """Return the same simulation in Python and in C; `others` are further arguments of Simulation."""
     arguments = {"sensors": SENSORS, "seed": 3, "position": (0.0, 0.0, 3.0), "heading": 0.4, **others}

@@ -21,15 +21,7 @@ from firmware_stub.stub import Stm32, Stm32End
 from hil.common.children import open_lifeline
 from hil.common.clock import now_ns
 from hil.common.errors import DeviceError
-from hil.links.contract import (
-    MAX_THRUSTERS,
-    Message,
-    Protocol,
-    ThrusterCommand,
-    ThrusterLink,
-    ThrusterTelemetry,
-    Wire,
-)
+from hil.links.contract import MAX_THRUSTERS, Message, Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.protocols import Role, open_protocol
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame
 from hil.slave.drivers.driver import ThrusterDriver

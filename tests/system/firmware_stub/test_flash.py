@@ -139,17 +139,12 @@ def test_a_dry_run_writes_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytes
         ([], [], 3, "no debug probe found: connect an ST-LINK"),
         (["f405", "f411"], [], 3, "2 debug probes: choose one with --probe NUMBER, of: 00AA (STM32 STLink); 01AA"),
         (["f405"], ["--probe", "FF"], 3, "no debug probe with 'FF' in its number; there are: 00AA"),
-        (
-            ["f411"],
-            ["--chip", "f405"],
-            2,
-            "has an STM32F411 (device id 0x431), and the image is for an STM32F405: --chip f411",
-        ),
+        (["f411"], ["--chip", "f405"], 2, "has an STM32F411 (device id 0x431), and the image is for an STM32F405"),
     ],
 )
 def test_what_prevents_flashing_is_reported(
     chips: list[str], arguments: list[str], code: int, refusal: str,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:  # fmt: skip
     boards = [FakeChip(chip) for chip in chips]
     connect(monkeypatch, *[FakeProbe(board, f"{i:02}AA") for i, board in enumerate(boards)])

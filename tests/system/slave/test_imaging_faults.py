@@ -8,15 +8,7 @@ import pytest
 
 from hil.client.client import VehicleClient
 from hil.ros.diagnostics import or_nan
-from tests.support.clients.imaging_slave import (
-    camera,
-    has_all,
-    kill_and_wait,
-    newest,
-    start,
-    wait_for,
-    watched_slave,
-)
+from tests.support.clients.imaging_slave import camera, has_all, kill_and_wait, newest, start, wait_for, watched_slave
 from tests.support.processes import Program
 
 

@@ -116,9 +116,7 @@ REPORTS = st.lists(
 
 
 @given(st.lists(st.tuples(st.floats(-2.0, 10.0), st.floats(-2.0, 10.0), REPORTS, st.floats(0.0, 1.0)), max_size=12))
-def test_any_reports_leave_clock_and_speed_within_limits(
-    steps: list[tuple[float, float, list[Report], float]],
-) -> None:
+def test_any_reports_leave_clock_and_speed_within_limits(steps: list[tuple[float, float, list[Report], float]]) -> None:
     hunter = Hunter(plan_of("line"), 1, FIELDS, SEPARATION)
     for north, east, reports, dt in steps:
         before = hunter.clock

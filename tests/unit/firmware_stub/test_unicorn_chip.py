@@ -5,15 +5,7 @@ import pytest
 from firmware_stub.emulation.chip import Chip
 from firmware_stub.emulation.nvic import FIRST_INTERRUPT, SYSTICK
 from hil.common.errors import DeviceError
-from tests.support.firmware.unicorn_program import (
-    GPIOA,
-    IWDG,
-    MS,
-    RCC,
-    TIM3,
-    Program,
-    program,
-)
+from tests.support.firmware.unicorn_program import GPIOA, IWDG, MS, RCC, TIM3, Program, program
 
 __all__ = ["program"]  # the fixtures
 

@@ -65,7 +65,7 @@ class Simulated:
 
     def __init__(
         self, monkeypatch: pytest.MonkeyPatch, rate: float, delay_ns: int = 0, lost: float = 0.0,
-        protocol: str = "frame", periodic: bool = False,
+        protocol: str = "frame", periodic: bool = False
     ) -> None:  # fmt: skip
         self.now, self._lost, self._random = NS_PER_S, lost, Random(1)
         self.out, self.back = Line(rate, delay_ns), Line(rate, delay_ns)

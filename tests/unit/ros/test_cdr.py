@@ -7,17 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.ros.cdr import (
-    HEADER,
-    Layout,
-    MalformedError,
-    Reader,
-    Writer,
-    diagonal,
-    text,
-    tolerant,
-    zero_terminated,
-)
+from hil.ros.cdr import HEADER, Layout, MalformedError, Reader, Writer, diagonal, text, tolerant, zero_terminated
 
 NAMES = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=30)
 

@@ -131,9 +131,7 @@ def test_a_new_receiver_has_no_master_and_takes_only_topics_of_commands() -> Non
     assert (receiver.malformed, receiver.master) == (4, b"")
 
 
-def test_a_removed_unknown_sender_frees_the_vehicle_for_another_master(
-    command_receiver: CommandReceiver,
-) -> None:
+def test_a_removed_unknown_sender_frees_the_vehicle_for_another_master(command_receiver: CommandReceiver) -> None:
     deliver(command_receiver, 1)
     command_receiver.ranks[GID] = 0
     command_receiver.remove_sender(GID)

@@ -17,15 +17,7 @@ from sim.forces import Force
 from sim.native import NativeDynamics
 from sim.native.waves import NativeSampledWaves, NativeWaveField
 from sim.rotations import normalise
-from sim.vehicle.body_lift import (
-    CrossFlow,
-    CrossFlowDrag,
-    FadingDamping,
-    HullLift,
-    Lift,
-    SlowDamping,
-    SpeedDamping,
-)
+from sim.vehicle.body_lift import CrossFlow, CrossFlowDrag, FadingDamping, HullLift, Lift, SlowDamping, SpeedDamping
 from sim.vehicle.fins import FinSet
 from sim.vehicle.thrusters.model import Azimuth
 from sim.vehicle.vehicle import Vehicle, load_vehicle
@@ -44,12 +36,7 @@ MIXED = ROUGH._replace(
 MOTIONS = (0.0, 1e-9, 0.01, 0.5, 3.0, 30.0)
 
 
-def ride(
-    monkeypatch: pytest.MonkeyPatch,
-    world: World,
-    vehicle: Vehicle,
-    depth: float = 4.0,
-) -> Ride:
+def ride(monkeypatch: pytest.MonkeyPatch, world: World, vehicle: Vehicle, depth: float = 4.0) -> Ride:
     position = (0.0, 0.0, depth)
     return Ride(twins(monkeypatch, world, vehicle, position=position, dt_ns=10_000_000))
 

@@ -10,14 +10,7 @@ from hil.autonomy.control.controller import wrap
 from hil.autonomy.paths.astar import plan, smooth
 from hil.autonomy.paths.curves import Chain
 from hil.autonomy.paths.dubins import Pose
-from hil.autonomy.paths.line_of_sight import (
-    LineOfSight,
-    approach_on,
-    circle_around,
-    depths_along,
-    dubins_legs,
-    outline,
-)
+from hil.autonomy.paths.line_of_sight import LineOfSight, approach_on, circle_around, depths_along, dubins_legs, outline
 from hil.autonomy.paths.occupancy import Extent, OccupancyGrid, Point
 from hil.autonomy.paths.trajectory import Limits
 from hil.common.errors import NoPathError

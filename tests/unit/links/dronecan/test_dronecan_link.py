@@ -6,12 +6,7 @@ from hil.common.errors import ConfigError
 from hil.links.contract import MAX_THRUSTERS, Protocol, ThrusterCommand, ThrusterTelemetry
 from hil.links.dronecan import types
 from hil.links.dronecan.link import open_dronecan
-from hil.links.dronecan.types import (
-    EscStatus,
-    NodeStatus,
-    unpack_esc_status,
-    unpack_node_status,
-)
+from hil.links.dronecan.types import EscStatus, NodeStatus, unpack_esc_status, unpack_node_status
 from hil.links.protocols import Role
 from tests.support.links.can_bench import VirtualCanContract, exchange, frames, records
 from tests.support.links.can_pairs import socket_pair

@@ -247,10 +247,7 @@ def test_a_world_file_names_mesh_files_relative_to_itself(tmp_path: Path) -> Non
         ('[[mesh]]\nfile = "none.stl"\nnorth = 0\neast = 0\n', "none.stl: no such file"),
         ('[[mesh]]\nfile = "broken.stl"\nnorth = 0\neast = 0\n', r"mesh\[0\]: file: .*broken.stl: no"),
         ('[[mesh]]\nfile = "text.glb"\nnorth = 0\neast = 0\n', r"text.glb: no mesh that .*: damaged, or no .glb"),
-        (
-            '[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nscale = 1e-6\n',
-            "block.stl: is .* m large, .*: set scale",
-        ),
+        ('[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nscale = 1e-6\n', "block.stl: is .* large, .*: set scale"),
         ('[[mesh]]\nfile = "nan.stl"\nnorth = 0\neast = 0\n', r"nan.stl: no triangles, or corners that are no numbers"),
         ('[[mesh]]\nfile = "block.xyz"\nnorth = 0\neast = 0\n', r"block.xyz: its ending is that of no mesh .* .stl"),
         ('[[mesh]]\nfile = "large.stl"\nnorth = 0\neast = 0\n', r"5200000 triangles are more than 5000000: simplify"),

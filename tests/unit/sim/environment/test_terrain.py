@@ -163,10 +163,7 @@ def test_a_world_file_can_have_a_terrain_file(tmp_path: Path) -> None:
             '[terrain]\nkind = "slop"\n',
             "'slop' is not one of slope, step, ridge, sinusoid, fractal; did",
         ),
-        (
-            '[terrain]\nkind = "fractal"\ndepth = 9\ndeviation = 1\nresolution = 0.01\n',
-            "4001 x 4001 nodes are too many",
-        ),
+        ('[terrain]\nkind = "fractal"\ndepth = 9\ndeviation = 1\nresolution = 0.01\n', "4001 x 4001 nodes are"),
     ],
 )
 def test_wrong_terrain_tables_are_reported(tmp_path: Path, text: str, message: str) -> None:

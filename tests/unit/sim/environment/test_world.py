@@ -88,10 +88,7 @@ SHAPE = "[[shape]]\nnorth = 0\neast = 0\n"
         ("[ocean.layers]\ndepth = [0, 5]\neast = [1]", "layers: east: expected 2 values, one for each depth, found 1"),
         ("[ocean.series]\ntime = [0, 5]\nnorth = [1]", "series: north: expected 2 values, one for each time"),
         ('[[ocean.tide]]\nconstituent = "M2"\namplitude = 1\nheading = "75"', "heading: has no unit"),
-        (
-            "[ocean.profile]\ndepth = [0, 9]\ndensity = [1020]",
-            "density: expected 2 values, one for each depth, found 1",
-        ),
+        ("[ocean.profile]\ndepth = [0, 9]\ndensity = [1020]", "density: expected 2 values, one for each depth, found"),
         ("[ocean.profile]\ndepth = [0, 9]\ndensity = []", "profile: density: give one value for each depth"),
         (
             "[ocean.profile]\ndepth = [9, 0]\ndensity = [1020, 1025]",

@@ -36,7 +36,7 @@ DOWN = Mounting(orientation=(0.0, radians(-90.0), 0.0))
 
 def take_picture(
     world: World = PILED, state: State = POSE, mounting: Mounting = Mounting(), seed: int = 1, time_ns: int = 0,
-    **keys: Any,
+    **keys: Any
 ) -> CameraSample:  # fmt: skip
     return Camera(KEYS._replace(**keys), mounting, seed, scene(world, 2.0)).sample(time_ns, state)
 

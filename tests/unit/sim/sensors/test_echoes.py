@@ -8,15 +8,7 @@ import pytest
 
 from hil.common.errors import ConfigError
 from sim.environment.seawater.absorption import francois_garrison
-from sim.sensors.imaging.echoes import (
-    Bins,
-    Echoes,
-    add_speckle,
-    array_pattern,
-    beam_pattern,
-    count_bins,
-    first_null,
-)
+from sim.sensors.imaging.echoes import Bins, Echoes, add_speckle, array_pattern, beam_pattern, count_bins, first_null
 
 
 def echoes_of(near: Any, far: Any, energy: Any) -> Echoes:

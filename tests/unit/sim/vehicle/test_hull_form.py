@@ -11,7 +11,7 @@ import pytest
 from hil.common.errors import ConfigError
 from sim import rotations
 from sim.rotations import from_euler
-from sim.vehicle.buoyancy import Hull
+from sim.vehicle.buoyancy import Hull, volume_and_centroid
 from sim.vehicle.hull_form import HullForm, Triangle, box_triangles, load_stl
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -46,6 +46,18 @@ def prism(section: Sequence[tuple[float, float]], length: float) -> list[Triangl
         (-half, y, z, -half, *b, -half, *a) for a, b in corners
     ]
     return sides + ends
+
+
+def wigley(length: float, beam: float, draught: float, cells: int = 40) -> list[Triangle]:
+    """Return Wigley's hull, with a flat deck at z = 0: y = B/2 (1 - (2x/L)²) (1 - (z/T)²), down to z = T."""
+
+    def point(i: int, j: int) -> tuple[float, float, float]:
+        x, z = length * (i / cells - 0.5), draught * (1.0 - abs(j / cells - 1.0))
+        y = 0.5 * beam * (1.0 - (2.0 * x / length) ** 2) * (1.0 - (z / draught) ** 2)
+        return x, 0.0 if i in (0, cells) or j == cells else y if j < cells else -y, z
+
+    deck = [(point(i, 2 * cells), point(i, 0)) for i in range(cells + 1)]
+    return grid_surface(point, cells, 2 * cells) + grid_surface(lambda i, j: deck[i][j], cells, 1)
 
 
 def hull_of(form: HullForm, volume: float) -> Hull:
@@ -104,6 +116,26 @@ def test_a_wedge_floats_by_the_root_of_its_weight(tmp_path: Path) -> None:
         breadth = width * draught / height
         metacentre = breadth**2 / (6.0 * draught) - z / lift  # above the origin
         assert righting_lever(hull, share, 1e-4) / 1e-4 == pytest.approx(metacentre, rel=1e-3)
+
+
+def test_a_ship_shaped_hull_has_its_volume_and_metacentres(tmp_path: Path) -> None:
+    """Wigley's hull at its full draught: V = 4/9 L B T, KB = 5/8 T, and the second moments of its parabolic plane."""
+    length, beam, draught = 4.0, 0.5, 0.25
+    form = wigley(length, beam, draught)
+    hull = hull_of(HullForm(write_stl(tmp_path / "s.stl", form)), 1.0)
+    volume, centroid = volume_and_centroid(form)
+    assert abs(volume) == pytest.approx(4.0 / 9.0 * length * beam * draught, rel=2e-3)
+    assert centroid == pytest.approx((0.0, 0.0, 3.0 / 8.0 * draught), abs=2e-3 * draught)
+    deck = -3.0 / 8.0 * draught  # of the origin, which is the centroid
+    depth = -deck - 0.3 * draught  # 0.3 of the hull is out of the water
+    z = 0.3 * draught
+    share = 1.0 - 1.5 * (z / draught - z**3 / (3.0 * draught**3))
+    assert hull.buoyancy(depth, (0.0, 0.0, 1.0))[0] / hull.full == pytest.approx(share, rel=3e-3)
+    narrow = 1.0 - (z / draught) ** 2  # of the water plane
+    second = (beam * narrow) ** 3 * length * 4.0 / 105.0
+    lift, _, _, moment = hull.buoyancy(depth, (0.0, 0.0, 1.0))
+    expected = second / (share * abs(volume)) - moment / lift
+    assert righting_lever(hull, share, 1e-3) / 1e-3 == pytest.approx(expected, rel=0.01)
 
 
 def test_text_and_binary_files_are_equal(tmp_path: Path) -> None:

@@ -213,10 +213,7 @@ BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
         ('<robot><link name="b"><inertial><mass value="${m}"/></inertial></link></robot>', "is xacro"),
         ("<robot/>", "0 of them hang on no other"),
         (f'<robot>{BASE}<link name="c"/></robot>', "2 of them hang on no other"),
-        (
-            f'<robot>{BASE}<link name="c"/><joint><parent link="c"/><child link="c"/></joint></robot>',
-            "; join them by joints",
-        ),
+        (f'<robot>{BASE}<link name="c"/><joint><parent link="c"/><child link="c"/></joint></robot>', "join them"),
         ('<robot><link name="b"/></robot>', "does not say mass, inertia, volume"),
         (
             '<robot><link name="b"><inertial><mass value="nan"/></inertial></link></robot>',

@@ -39,6 +39,17 @@ def pulse(speed: float) -> int:
     return round(1500.0 + 400.0 * speed / (FULL_SPEED if speed > 0.0 else FULL_ASTERN))
 
 
+@pytest.mark.parametrize("run", RUNS)
+def test_the_otter_moves_as_pythonvehiclesimulators(run: tuple[float, ...]) -> None:
+    left, right, time, u, v, r, distance = run
+    simulation = Simulation(OTTER, SEA)
+    while simulation.time_ns < time * 1e9:
+        simulation.step((pulse(left), pulse(right)))
+    nu, position = simulation.state.nu, simulation.state.position
+    assert (nu[0], nu[1], nu[5]) == pytest.approx((u, v, r), rel=0.02, abs=1e-4)
+    assert sqrt(position[0] ** 2 + position[1] ** 2) == pytest.approx(distance, rel=0.02)
+
+
 def test_the_otter_floats_as_fossens() -> None:
     """The hydrostatics of MSS, otter.m, by its own formulas (Fossen 2021, chapter 4)."""
     volume, length, beam, fullness = 80.0 / 1025.0, 2.0, 0.25, 0.75
