@@ -53,6 +53,8 @@ class NoWrench:
         ({"failures": [Failure(NAME, "off", time=TEXT)]}, r"failures\[0\]: time: "),
         ({"failures": [Failure(NUMBER, "off")]}, r"failures\[0\]: thruster: expected text"),
         *[({"releases": given}, "releases = .*: give a list of Release records") for given in (5, "x")],
+        *[({name: value}, f"{name}: nan") for name, value in (("position", (nan, 0.0, 0.0)), ("heading", nan))],
+        *[({name: -1}, f"{name} = -1: ") for name in ("dt_ns", "seed")],
         ({"world": POOL._replace(gravity=nan)}, "gravity of pool: nan"),
         ({"releases": ["x"]}, r"releases\[0\] is x: give a Release"),
     ],

@@ -92,6 +92,8 @@ def test_sensors_have_the_errors_of_their_simulator() -> None:
     others = {"camera": here | {"depth": True}, "laser": here, "imu": here}
     assert found.sensors == {"pressure": {"position": [1.0, -2.0, -3.0]}, **others}
     assert endless.sensors["pressure"]["error"] == pytest.approx(error)
+    for kind, depth in (("camera", {}), ("rgbd_camera", {"depth": True})):
+        assert imported(extra_xml=NOISE.replace('"depth"', f'"{kind}"')).sensors["camera"] == here | depth
     assert found.notes == [
         f"Left out: the sensor {label}, of a kind that there is not." for label in ("'lost' (imu)", "sound")
     ]
