@@ -34,6 +34,8 @@ def test_a_pipeline_lies_on_the_bed_and_is_round() -> None:
     assert bend.objects[0] == 1
     assert bend.distances[0] == pytest.approx(9.0)
     assert scene.ranges((60.0, 60.0, 10.0), DOWN, 50.0)[0] == 10.0, "beyond its end"
+    far = RayScene(FLAT._replace(pipeline=(Pipeline(((-100.0, 150.0), (100.0, 150.0)), 1.0),)))
+    assert far.ranges((0.0, 150.0, 10.0), DOWN, 12.0)[0] == pytest.approx(9.0)
 
 
 def test_a_pipeline_is_one_object_and_added_objects_keep_their_numbers() -> None:

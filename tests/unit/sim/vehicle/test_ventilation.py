@@ -51,6 +51,13 @@ def test_a_vehicle_in_the_air_has_no_thrust() -> None:
     assert 0.1 < sum(a / b for a, b in zip(less, deep, strict=True)) / 8 < 0.99
 
 
+def test_thrust_is_whole_below_the_reach_and_lost_above_it() -> None:
+    """Its hub is highest when the vehicle stands on its nose."""
+    calm, on_its_nose = Ventilation(REMUS, None), from_euler(0.0, -0.5 * pi, 0.0)
+    assert calm.shares((0.0, 0.0, calm.reach + 1e-3), on_its_nose, 0.0) == [1.0]
+    assert calm.shares((0.0, 0.0, calm.reach - 0.02), on_its_nose, 0.0)[0] < 1.0
+
+
 def test_each_thruster_loses_thrust_by_its_own_position() -> None:
     """A vehicle rolled by a quarter turn has the thrusters of one side in the air; those below have full thrust."""
     deep, _ = thrust_at_depth(5.0)
@@ -76,4 +83,4 @@ def test_waves_change_the_thrust_share() -> None:
         height = wave_field.elevation(time, 3.0, -2.0)
         assert surface.shares(position, level, time) == calm.shares((3.0, -2.0, height), level, time)
     assert {0.0, 1.0} <= {share for step in range(100) for share in surface.shares(position, level, 0.1 * step)}
-    assert surface.reach > calm.reach + 1.0
+    assert surface.reach == pytest.approx(calm.reach + wave_field.max_elevation)
