@@ -2,6 +2,7 @@
 
 import os
 import signal
+from unittest import mock
 
 import psutil
 import pytest
@@ -16,6 +17,8 @@ def test_a_program_that_does_not_end_is_killed(monkeypatch: pytest.MonkeyPatch) 
     end = spawn.start_program("router", "--listen", f"tcp/127.0.0.1:{free_port()}")
     (program,) = set(psutil.Process().children()) - before
     os.kill(program.pid, signal.SIGSTOP)
-    end()
+    with mock.patch("os.kill", wraps=os.kill) as kill:
+        end()
+    assert [call.args[1] for call in kill.mock_calls[:2]] == [signal.SIGTERM, signal.SIGKILL]
     assert not psutil.pid_exists(program.pid)
     end()  # it has gone already

@@ -10,7 +10,7 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.common.clock import NS_PER_S
-from hil.common.errors import ConfigError
+from hil.common.errors import ConfigError, DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Link
@@ -19,7 +19,7 @@ from hil.slave import loop as slave_loop
 from hil.slave.command_receiver import Received
 from hil.slave.drivers import driver as stm32
 from hil.slave.drivers.driver import open_driver, stop_thrusters
-from hil.slave.drivers.external import ExternalDriver, open_device
+from hil.slave.drivers.external import ExternalDriver, open_device, open_native
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
 from hil.slave.pilot_source import PilotSource
@@ -230,3 +230,20 @@ def test_a_line_that_is_too_slow_does_not_arm(loop: Loop, capsys: pytest.Capture
 def test_a_real_stm32_needs_the_name_of_its_device() -> None:
     with pytest.raises(ConfigError, match=r"no device: set \[link\] port"):
         open_device(Link(port="pty:/tmp/uuv-hil-stm32"), 6, 1, host=True)
+
+
+def test_what_was_started_ends_if_its_link_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[str] = []
+
+    class Unlinked:
+        """Firmware that makes no pty."""
+
+        def __init__(self, target: str, *_: object) -> None:
+            self.close, self.pid = lambda: ended.append(target), 1
+
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("firmware_stub.native.NativeStm32", Unlinked)
+    with pytest.raises(DeviceError, match="no such device"):
+        open_native(Link(), 6, 1, True)
+    assert [Path(target).parent.parent for target in ended] == [tmp_path]
+    assert not list(tmp_path.iterdir())
