@@ -27,11 +27,11 @@ def test_an_action_continues_after_the_slave_was_restarted(own_slave: tuple[Prog
         reported = vehicle.go_to(4.4, 4.2, 2.0)
         stream = vehicle.samples("imu")
         program.process.kill()
-        with pytest.raises(NetworkError, match=r"has not answered for \d\.\d s.*fleet\.wait_for"):
+        with pytest.raises(NetworkError, match=r"has not answered .*fleet\.wait_for"):
             for _ in stream:
                 pass
         for ask in (lambda: vehicle.imu, vehicle.stop):
-            with pytest.raises(NetworkError, match="has not answered for"):
+            with pytest.raises(NetworkError, match="has not answered "):
                 ask()
         assert not vehicle.present
         assert fleet.names == []

@@ -184,7 +184,7 @@ def test_parameters_are_read_and_set(foxglove: Foxglove) -> None:
 def test_changes_of_parameters_are_sent_to_their_subscribers(foxglove: Foxglove) -> None:
     """Updates may come after the answer, but in the order of the changes: that of `name` is the last of its value."""
     name, other = "/uuv1/gains.surge.p", "/uuv1/gains.surge.i"
-    values = count(2.0, 0.125)
+    values = count(10.0, 0.125)  # above those of other tests, whose updates may be late
 
     def updates() -> dict[float, list[str]]:
         """Set both to a new value; return the names in the updates of each value so far."""
