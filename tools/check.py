@@ -68,7 +68,7 @@ def run(command: Sequence[str], folder: Path = ROOT, output: IO[str] | None = No
     print("+ python -m", *command, file=output, flush=True)
     # Bytecode is saved even where the environment forbids it: each worker would compile all tests again (6 s).
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
-    line = [*(["nice"] if output else []), sys.executable, "-m", *command]
+    line = [*(["nice", "-n4"] if output else []), sys.executable, "-m", *command]
     done = subprocess.run(line, cwd=folder, env=environment, stdout=output, stderr=output, check=False)
     return done.returncode
 
