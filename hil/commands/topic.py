@@ -104,10 +104,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _settle(session: Session, stop_fd: int) -> None:
     """Wait until the peer has declared its topics and services: until no more of them come."""
-    deadline, known = now_ns() + seconds_ns(SETTLE_S), 0
-    while (not known or len(session.tokens(graph.ALL)) > known) and now_ns() < deadline:
-        known = len(session.tokens(graph.ALL))
+    deadline, before, found = now_ns() + seconds_ns(SETTLE_S), 0, len(session.tokens(graph.ALL))
+    while (not before or found > before) and now_ns() < deadline:
         pause(stop_fd, 3 * POLL_S)
+        before, found = found, len(session.tokens(graph.ALL))
 
 
 def _list(session: Session, options: argparse.Namespace, stop_fd: int) -> None:

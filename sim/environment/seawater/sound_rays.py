@@ -8,7 +8,7 @@ rays and steep rays are no special cases.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import asin, atanh, hypot, inf, sqrt
 from typing import NamedTuple
 
@@ -63,7 +63,7 @@ class SoundRays:
 
     def _is_even_at(self, depth: float) -> bool:
         """Return True if the layer above or below has a constant speed, so that a level ray stays level."""
-        return any(near == far for down in (1.0, -1.0) for _, near, far in [*self._layers_beyond(depth, down)][:1])
+        return any(near == far for down in (1.0, -1.0) for _, near, far in islice(self._layers_beyond(depth, down), 1))
 
     def _turning(self, level: float, start: float, end: float, extreme: float, down: float) -> Iterator[Ray]:
         """Yield rays that turn below the deeper end, or with `down` -1 above the shallower end, at `extreme` m."""

@@ -224,21 +224,21 @@ HANGS = {"rope", "chain", "net", "net_pen"}
 assert set(get_args(ShapeKeys.__annotations__["kind"])) == set(KINDS)
 
 
-def parse_shapes(rows: Any, where: str) -> list[tuple[ShapeKeys, Any, str]]:
-    """Return of each `[[shape]]` table its common keys, those of its kind, and its place. Raises ConfigError."""
+def parse_shapes(rows: Any, where: str) -> list[tuple[ShapeKeys, Any]]:
+    """Return of each `[[shape]]` table its common keys and those of its kind. Raises ConfigError."""
     check_rows(rows, where)
     return read_each([(row, f"{where}[{i}]") for i, row in enumerate(rows)], _parse_shape)
 
 
-def _parse_shape(row: dict[str, Any], where: str) -> tuple[ShapeKeys, Any, str]:
-    return *parse_split(row, ShapeKeys, KINDS[kind_in(row, KINDS, where)], where), where
+def _parse_shape(row: dict[str, Any], where: str) -> tuple[ShapeKeys, Any]:
+    return parse_split(row, ShapeKeys, KINDS[kind_in(row, KINDS, where)], where)
 
 
 def place_shapes(
-    shapes: Iterable[tuple[ShapeKeys, Any, str]], seabed: Callable[[float, float], float]
+    shapes: Iterable[tuple[ShapeKeys, Any]], seabed: Callable[[float, float], float]
 ) -> Iterator[MeshObstacle]:
     """Yield the meshes of the shapes that `parse_shapes` returned."""
-    for placing, shape, _ in shapes:
+    for placing, shape in shapes:
         depth = placing.depth
         if depth is None:
             depth = 0.0 if placing.kind in HANGS else seabed(placing.north, placing.east)

@@ -11,7 +11,7 @@ from typing import Any
 from sim.matrices import cross_matrix
 from sim.vehicle.fins import Fin
 from sim.vehicle.urdf.pose import Pose
-from sim.vehicle.urdf.text import Element, attribute, child_text, listed, number_of, numbers_of, plain, to_frd
+from sim.vehicle.urdf.text import Element, attribute, child_text, listed, number_of, numbers_of, plain, to_frd, unscoped
 from sim.vehicle.urdf.thrusters import target
 
 # uuv_simulator's libuuv_fin_ros_plugin.so, Gazebo's libLiftDragPlugin.so, gz-sim's gz-sim-lift-drag-system.
@@ -38,7 +38,7 @@ def read_fins(
         link = child_text(plugin, "link_name", "linkName")
         if not any(part in file for part in _FILES) or not link:
             continue
-        name = plain(link.rpartition("/")[2].rpartition("::")[2])
+        name = unscoped(link)
         if name in reported:
             continue
         reported.add(name)

@@ -141,6 +141,11 @@ def plain(name: str) -> str:
     return "".join(letter for letter in name if letter.isprintable())
 
 
+def unscoped(name: str) -> str:
+    """Return the last part of a name such as `robot/link` or `model::link`, without control characters."""
+    return plain(name.rpartition("/")[2].rpartition("::")[2])
+
+
 def listed(vector: Iterable[float]) -> str:
     """Return numbers as a list of a vehicle file, without rounding errors."""
     return "[" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in vector) + "]"

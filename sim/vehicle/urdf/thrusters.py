@@ -7,7 +7,7 @@ from typing import Any
 from hil.common.errors import ConfigError
 from sim.interpolation import interpolate
 from sim.vehicle.urdf.pose import Pose
-from sim.vehicle.urdf.text import Element, attribute, child_text, number_of, numbers_of, plain, to_frd
+from sim.vehicle.urdf.text import Element, attribute, child_text, number_of, numbers_of, to_frd, unscoped
 
 _DENSITY, _DIAMETER, _COEFFICIENT = "1000", "0.02", "1"  # gz-sim's defaults of a thruster
 _DEAD_BANDS = ("deadband", "conversion/deltaL", "conversion/deltaR")  # tags of gz-sim (N) and uuv_simulator (of speed²)
@@ -64,7 +64,7 @@ def _pose(joint: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any
         raise ConfigError(f"{path}: the link {target(joint, 'child')!r} of a thruster is not there")
     axis = numbers_of(attribute(joint, "axis", "xyz", "1 0 0"), path, 3)
     return {
-        "name": plain(target(joint, "child").rpartition("/")[2].rpartition("::")[2]).removesuffix("_link"),
+        "name": unscoped(target(joint, "child")).removesuffix("_link"),
         "position": to_frd(pose.position),
         "direction": to_frd(pose.rotate(axis)),
     }
